@@ -68,6 +68,14 @@ def test_the_target_is_not_asked_where_the_whole_stays(monkeypatch: pytest.Monke
     assert foot.size == pytest.approx((19.6, 18.0, 12.0))
 
 
+def test_the_target_is_not_asked_of_a_solid_that_is_far_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(turned_feet, "volume_iou", lambda solid, target: asked.append(solid) or volume_iou(solid, target))
+    both = join(box(80.0, 50.0, 8.0), cone(24.0, 20.0, 120.0))  # a plate about the middle of a cone, half of which no trial has
+    assert stand_on_faces(both, to_manifold(both, 96)) == both
+    assert len(asked) == 1
+
+
 def test_what_a_pocket_shows_is_kept() -> None:
     """The plate is cut away below the foot, which reaches down to a smaller plate."""
     found = join(cut(PLATE, cylinder(20.0, 20.0)), turned(LONG))

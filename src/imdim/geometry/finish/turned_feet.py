@@ -29,12 +29,16 @@ def stand_on_faces(program: Program, target: Manifold, deadline: Deadline = NEVE
     fall: what is taken off is hidden in others, or in the air. Past the `deadline` (by default never) the others stay."""
     # the program that a trial is compared with was a trial, and one end may be tried for two leaves
     iou = lru_cache(lambda trial: volume_iou(to_manifold(trial, CHECK_SEGMENTS), target))
-    nothing = NOTHING * target.volume()
+    whole = target.volume()
 
     def is_as_near(trial: Program) -> bool:
+        before, after = (to_manifold(each, CHECK_SEGMENTS).volume() for each in (program, trial))
         # what the target says of less of one part is asked only where the whole has become less
-        lost = to_manifold(program, CHECK_SEGMENTS).volume() - to_manifold(trial, CHECK_SEGMENTS).volume()
-        return abs(lost) <= nothing or iou(trial) >= iou(program) - NOTHING
+        if abs(before - after) <= NOTHING * whole:
+            return True
+        # two solids share no more than the smaller one, and hold no less than the larger one
+        most = min(after, whole) / max(after, whole)
+        return most >= iou(program) - NOTHING and iou(trial) >= iou(program) - NOTHING
 
     for i, sign in enumerate(signs(program)):
         for side in (-1, 1) if sign > 0 else ():
