@@ -144,7 +144,7 @@ def test_past_the_deadline_no_curved_surface_is_looked_for():
 
 @pytest.mark.parametrize("straight", [1.0, 4.0, 12.0])
 def test_the_sides_of_a_small_slot_are_flat(straight):
-    """With a strip of the round end on either side each lies on a wide cylinder, whose sagitta is no more than others have on a large part."""
+    """With a strip of the round end on either side each lies on a wide cylinder, which on a large part misses its middle by little."""
     half = straight / 2
     ends = [cylinder(1.7, 10, (12.0, y, 0.0)) for y in (-half, half)]
     mesh = mesh_of(cut(box(80, 60, 5), union(*ends, box(3.4, straight, 10, (12.0, 0.0, 0.0)))))
