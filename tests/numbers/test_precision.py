@@ -35,3 +35,11 @@ def test_digits_of_a_file_are_not_taken_for_typed():
     few, many = (leaves(snap(slab, lambda _: 0.0, config=SnapConfig(precision=off, max_move=1e-3))) for off in (5e-4, 2e-6))
     assert next(few).size[:2] == pytest.approx((20.3, 9.1), abs=1e-9)
     assert next(many).size[:2] == pytest.approx((20.318, 9.122), abs=1e-9)
+
+
+def test_six_digits_from_the_first_are_no_more_than_that():
+    """OpenSCAD writes 8.3 as 8.29999."""
+    corners = mesh_of(DRILLED, 64).vertices
+    steps = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(corners), 1e-12))) - 5)
+    assert precision_of(np.where(corners == 0, 0.0, np.trunc(corners / steps) * steps)) == pytest.approx(5e-5)
+    assert precision_of(np.float32(corners).astype(float)) < 1e-5

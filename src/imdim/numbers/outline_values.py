@@ -299,12 +299,12 @@ class _Snapping:
                 self.carriers[i][k] = replace(line, offset=self._round_offset(line.normal, offset, hubs))
 
     def _settle_corners(self, i: int, touches: Sequence[bool]) -> None:
-        """A line of loop i that leans at no round angle, and as no other does, has round corners with the lines beside it: the vertices of
-        a polygon, the radii and levels of a cone. An arc may round a corner off: it has a round radius then, and its centre follows."""
+        """A line of loop i that leans at no round angle has round corners with the lines beside it: the vertices of a polygon, the radii
+        and levels of a cone. An arc may round a corner off: it has a round radius then, and its centre follows."""
         row, given = self.carriers[i], [carrier_of(curve) for curve in ring_curves(self.given[i])]  # not yet turned to round angles
         settled = list(row)
         for k, line in enumerate(row):
-            if not isinstance(line, Line) or not self._is_free(line):
+            if not isinstance(line, Line) or not self._leans(line):
                 continue
             beside = [self._beside(row, given, touches, k, step) for step in (-1, 1)]
             start, end = (self._round_corner(row, given, k, other) for other in beside)
@@ -319,12 +319,13 @@ class _Snapping:
                 settled[between] = replace(arc, radius=self.grids.round(arc.radius)[0])
         row[:] = settled
 
-    def _is_free(self, line: Line) -> bool:
-        """Whether a line leans at no round angle, and no other is parallel or square to it."""
-        if 0.0 in line.normal or fold_degrees(line.degrees, STEPS_DEG[0]) == 0:
-            return False
-        alike = sum(abs(fold_degrees(other.degrees - line.degrees, 90.0)) <= EXACT for _, _, other in self._lines())
-        return alike == 1
+    def _leans(self, line: Line) -> bool:
+        """Whether a line leans at no round angle."""
+        return 0.0 not in line.normal and fold_degrees(line.degrees, STEPS_DEG[0]) != 0
+
+    def _is_alone(self, line: Line) -> bool:
+        """Whether no other line is parallel or square to a line: those of a turned rectangle are, and its corners are round by chance."""
+        return sum(abs(fold_degrees(other.degrees - line.degrees, 90.0)) <= EXACT for _, _, other in self._lines()) == 1
 
     def _beside(self, row: Sequence[Carrier], given: Sequence[Carrier], touches: Sequence[bool], k: int, step: int) -> int | None:
         """The line before or after line k, also across an arc that rounds off the corner of both; None where there is none."""
@@ -347,13 +348,14 @@ class _Snapping:
         """Where line k meets the one beside it, as round as may be; None where that line has another say in it."""
         if beside is None:
             return None
-        line, other, end = given[k], given[beside], row[beside]
+        line, other, turned, end = given[k], given[beside], row[k], row[beside]
         assert isinstance(line, Line)
         assert isinstance(other, Line)
+        assert isinstance(turned, Line)
         assert isinstance(end, Line)
         if 0.0 in end.normal:
             return self._round_end(line, end)
-        if not self._is_free(end) or abs(fold_degrees(line.degrees - other.degrees, 180.0)) < SHARPEST:
+        if abs(fold_degrees(line.degrees - other.degrees, 180.0)) < SHARPEST or not all(map(self._is_alone, (turned, end))):
             return None
         x, y = next(crossings(line, other, line.middle))
         return self.grids.round(x)[0], self.grids.round(y)[0]
