@@ -113,7 +113,7 @@ def _band(vertices: np.ndarray, faces: np.ndarray, own: np.ndarray, thread: Thre
     if placed is None or rims is None:
         return None
     kept = np.flatnonzero(~own)
-    rest, evened = _Part(placed, faces[kept], kept), list[_Rim]()
+    rest, evened = _Part(placed, faces[kept], kept), list[_BandEdge]()
     widest = WIDEST * min(float(np.median(np.diff(rim.turns))) for rim in rims)
     for rim in rims:
         rest, even = _even_out(rest, facing, rim, widest, thread)
@@ -123,14 +123,14 @@ def _band(vertices: np.ndarray, faces: np.ndarray, own: np.ndarray, thread: Thre
     for cone, rim in ((envelope.low, low), (envelope.high, high)):
         if cone is not None and low.height < cone.corner < high.height:
             ring = _ring(points, rim, cone.corner, envelope.radius, thread)
-            chain.append(_Rim(np.arange(len(points), len(points) + len(ring)), rim.turns, cone.corner))
+            chain.append(_BandEdge(np.arange(len(points), len(points) + len(ring)), rim.turns, cone.corner))
             points = np.concatenate([points, ring])
     band = np.concatenate([_strip(one, two) for one, two in pairwise([*chain, high])])
     band = band[:, ::-1] if thread.internal else band
     return _Part(points, np.concatenate([rest.faces, band]), np.append(rest.parents, np.full(len(band), -1)))
 
 
-def _even_out(rest: _Part, facing: np.ndarray, rim: _Rim, widest: float, thread: Thread) -> tuple[_Part, _Rim]:
+def _even_out(rest: _Part, facing: np.ndarray, rim: _BandEdge, widest: float, thread: Thread) -> tuple[_Part, _BandEdge]:
     """The triangles around a thread, of normals `facing` [f, 3], and their rim, with more corners where it has none for more than an angle
     `widest` and the face beside it lies across the axis: a strip that is much wider than the others shows no cylinder."""
     vertices, faces, parents = list(rest.vertices), rest.faces.tolist(), rest.parents.tolist()
@@ -159,7 +159,7 @@ def _even_out(rest: _Part, facing: np.ndarray, rim: _Rim, widest: float, thread:
         numbers.append(after)
         turns.append(turn)
     part = _Part(np.array(vertices), np.array(faces).reshape(-1, 3), np.array(parents))
-    return part, _Rim(np.array(numbers[:-1]), np.array(turns[:-1]), rim.height)
+    return part, _BandEdge(np.array(numbers[:-1]), np.array(turns[:-1]), rim.height)
 
 
 def _sides(triangle: Sequence[int]) -> list[tuple[int, int]]:
@@ -305,7 +305,7 @@ def _place(point: np.ndarray, beside: Sequence[np.ndarray], envelope: _Envelope,
     return None
 
 
-class _Rim(NamedTuple):
+class _BandEdge(NamedTuple):
     """Corners [n] around an axis by rising angle, their angles [n], and how high along it they lie."""
 
     numbers: np.ndarray
@@ -313,12 +313,12 @@ class _Rim(NamedTuple):
     height: float
 
 
-def _rims(vertices: np.ndarray, own: np.ndarray, thread: Thread) -> tuple[_Rim, _Rim] | None:
+def _rims(vertices: np.ndarray, own: np.ndarray, thread: Thread) -> tuple[_BandEdge, _BandEdge] | None:
     """The lower and the upper rim of triangles [t, 3], None where they have others, or one turns back."""
     sides = np.concatenate([own[:, [0, 1]], own[:, [1, 2]], own[:, [2, 0]]])
     there = {(int(a), int(b)) for a, b in sides}
     ahead = {a: b for a, b in there if (b, a) not in there}
-    rims: list[_Rim] = []
+    rims: list[_BandEdge] = []
     while ahead and len(rims) < 2:
         loop = [next(iter(ahead))]
         while (after := ahead.pop(loop[-1], None)) is not None and after != loop[0]:
@@ -331,21 +331,21 @@ def _rims(vertices: np.ndarray, own: np.ndarray, thread: Thread) -> tuple[_Rim, 
         numbers, turns = np.roll(numbers, -first), np.roll(turns, -first) % (2 * math.pi)
         if len(numbers) < 3 or (np.diff(turns) <= 0).any():
             return None
-        rims.append(_Rim(numbers, turns, float(measure_to_axis(vertices[numbers], thread.point, thread.axis)[1].mean())))
+        rims.append(_BandEdge(numbers, turns, float(measure_to_axis(vertices[numbers], thread.point, thread.axis)[1].mean())))
     if ahead or len(rims) != 2:
         return None
     low, high = sorted(rims, key=lambda rim: rim.height)
     return low, high
 
 
-def _ring(vertices: np.ndarray, rim: _Rim, height: float, radius: float, thread: Thread) -> np.ndarray:
+def _ring(vertices: np.ndarray, rim: _BandEdge, height: float, radius: float, thread: Thread) -> np.ndarray:
     """Points [n, 3] on a cylinder that lie at one height, at the angles of a rim."""
     arm = vertices[rim.numbers] - thread.point
     arm -= np.outer(arm @ thread.axis, thread.axis)
     return thread.point + height * thread.axis + radius * unit(arm)
 
 
-def _strip(low: _Rim, high: _Rim) -> np.ndarray:
+def _strip(low: _BandEdge, high: _BandEdge) -> np.ndarray:
     """Triangles [t, 3] between two rims, seen from outside: of the next sides the one whose middle comes first, so that none leans much."""
     lower, upper = (np.append(rim.turns, rim.turns[0] + 2 * math.pi) for rim in (low, high))
     i = j = 0
