@@ -62,3 +62,34 @@ def test_what_misses_a_wall_by_a_hair_follows_it():
     first, second = leaves(change_values(part, {"plate_length": 66.0}).program)
     assert _bounds(first.outline.loops[0])[1] == pytest.approx(33.0)
     assert second.center[0] + _bounds(second.outline.loops[0])[1] == pytest.approx(32.9998)
+
+
+def test_a_hole_of_another_leaf_near_an_edge_follows_that():
+    """A hole that a cylinder cuts, 2 from a plate's end, and far from the world's origin: its place was a tenth of that off."""
+    plate = _plate(_rectangle(-30.0, 30.0, -20.0, 20.0), thickness=6.0)
+    tower = Primitive("box", (10.0, 10.0, 60.0), (-20.0, 0.0, 33.0))
+    bore = Primitive("cylinder", (3.0, 80.0), (-20.0, 0.0, 58.0), (0.0, 90.0, 0.0))
+    part = opened(Combine("difference", Combine("union", plate, tower), bore))
+    assert 5.0 in part.values.values(), "from the top of the tower to its axis"
+    for name, value in part.values.items():
+        for factor in (0.9, 1.1):
+            assert census_of(solid_of(change_values(part, {name: factor * value}))).kind == (1, 1, 0), name
+
+
+def test_a_cut_that_leaves_a_thin_wall_before_another_one_ends_there():
+    """Two pockets from both ends of a bar, with a wall of 1 between them: no tenth of a depth breaks through."""
+    bar = Primitive("box", (80.0, 20.0, 20.0))
+    left = Primitive("box", (50.0, 12.0, 12.0), (-24.0, 0.0, 0.0))
+    right = Primitive("box", (50.0, 12.0, 12.0), (27.0, 0.0, 0.0))
+    part = opened(Combine("difference", Combine("difference", bar, left), right))
+    for name, value in part.values.items():
+        for factor in (0.9, 1.1):
+            assert census_of(solid_of(change_values(part, {name: factor * value}))).kind == (1, 0, 0), name
+
+
+def test_what_lies_in_the_top_of_a_plate_stays_there():
+    """A ring groove about a screw, half in the air."""
+    plate = Primitive("box", (60.0, 40.0, 12.0), (0.0, 0.0, 6.0))
+    part = opened(Combine("difference", plate, Primitive("torus", (6.0, 2.0), (10.0, 0.0, 12.0))))
+    thicker, groove = leaves(change_values(part, {"plate_thickness": 15.0}).program)
+    assert groove.center[2] == pytest.approx(thicker.center[2] + 7.5)

@@ -204,7 +204,8 @@ def _place(
     near = min((-1, 1), key=lambda side: (abs(inset(side)), side))
     grounded = [side for side in (-1, 1) if abs(place_of(faces[side], parts)) <= slack]
     if axis == UP:
-        near = -1  # heights are above what something is on
+        # heights are above what something is on, but what lies in the top stays there
+        near = 1 if abs(inset(1)) <= slack < abs(inset(-1)) else -1
     elif abs(inset(near)) > AT_EDGE * room:
         if abs(parts[carrier].center[axis]) <= slack and not turned:
             return from_middle

@@ -20,6 +20,7 @@ from imdim.export.contacts import find_contacts, find_own_numbers
 from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
+from imdim.export.reduction import ZERO, Reduced
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.round_contacts import bind_plugs
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
@@ -33,7 +34,6 @@ from imdim.program.roles import signs
 from imdim.program.tree import KINDS, Primitive, Program, leaves, longest
 from imdim.relations.residuals import rows_of
 
-ZERO = 1e-9  # coefficients
 HALVES = 1e-6  # by which a coefficient may miss a half that it stands for: the digits of files
 MOST_NAMED = 1000  # primitives, copies counted, of a program with names: equations are dense, and so many take 0.4 GB
 MOST_PLACED = 300  # primitives of a program whose places have names too; nobody reads a thousand of them
@@ -46,8 +46,7 @@ _RANKS = {"center": 0, "radius": 2, "circle": 2, "diameter": 3}  # by the last p
 class LinearSystem:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
-    `apart` are equations that keep the curves of a leaf's drawing apart, `ties` such for the numbers of one leaf, that are to bind no
-    others, `contacts` such that may settle a line of its drawing,
+    `ties` are such for the numbers of one leaf, that are to bind no others, `contacts` such that may settle a line of its drawing,
     `places` such for the coordinates of its centre alone, or, if they say so, for the spacing of the row or grid that begins with it.
     `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
     turned ones whose centre is at half of it. `angles` are variables in degrees, `on_circles` the places of what stands on a circle.
@@ -57,7 +56,6 @@ class LinearSystem:
     extra: int
     length: float
     rows: list[dict[int, float]] = field(default_factory=list)
-    apart: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     contacts: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     places: list[tuple[int, dict[int, float], bool]] = field(default_factory=list)
@@ -128,38 +126,44 @@ class LinearSystem:
             system.ties += [(leaf, system.place_of_end(end, 1.0)) for end in ends_of(leaf, parts[leaf], numbers) if end.local == "-z"]
         return system
 
-    def solve(self) -> dict[int, dict[int, float]]:
+    def reduce(self) -> Reduced:
+        """The equations but for those of places, each solved for the number that follows from it."""
+        soft = (*self.ties, *self.contacts)
+        reduced = Reduced.of([*self.rows, *(row for _, row in soft)], len(self.start))
+        for v, i in self._plain_pivots(reduced.matrix, self._order()):
+            reduced.solve_for(v, i)
+        own = [sorted(range(6 * leaf, 6 * leaf + 6), key=lambda v: (v % 6 < 3, -v)) for leaf, _ in self.ties]
+        own += [find_own_numbers(self, leaf, row) for leaf, row in self.contacts]
+        for i, among in enumerate(own, start=len(self.rows)):
+            self._solve_for_first(reduced, i, among)
+        return reduced
+
+    def solve(self, reduced: Reduced | None = None) -> dict[int, dict[int, float]]:
         """Each number that follows from others, with their coefficients; a constant makes up the rest. Those are wholes and halves, but
-        for places on a circle; what would follow by others stays a number."""
-        soft = (*self.ties, *self.contacts, *self.apart)
-        equations = [*self.rows, *(row for _, row in soft), *(row for _, row, _ in self.places)]
-        matrix = np.array([self._dense(row) for row in equations]).reshape(-1, len(self.start))
-        pivots: dict[int, int] = {}
-        for v, i in self._pivots(matrix):
-            _eliminate(matrix, i, v)
-            pivots[v] = i
-        solved = {v: {int(w): -float(matrix[i, w]) for w in np.flatnonzero(matrix[i]) if w != v} for v, i in pivots.items()}
-        return {v: row for v, row in solved.items() if all(_is_plain(c) or self._is_circle(w) for w, c in row.items())}
+        for places on a circle; what would follow by others stays a number. The equations are by default those of `reduce`."""
+        whole = (self.reduce() if reduced is None else reduced).add([row for _, row, _ in self.places], len(self.start))
+        spacings = [v for v in self._order() if self._is_spacing(v)]
+        firsts = {self.leaf_of(v) for v in spacings}
+        for i, (leaf, _, with_spacing) in enumerate(self.places, start=len(whole.matrix) - len(self.places)):
+            among = [*(6 * leaf + 5 - k for k in range(3)), *(spacings if with_spacing and leaf in firsts else [])]
+            self._solve_for_first(whole, i, among)
+        rows = whole.read()
+        return {v: row for v, row in rows.items() if all(_is_plain(c) or self._is_circle(w) for w, c in row.items())}
+
+    def is_plain(self, row: np.ndarray) -> bool:
+        """Whether the coefficients [n] of an equation are wholes and halves, but for places on a circle."""
+        return all(_is_plain(float(row[v])) or self._is_circle(v) for v in np.flatnonzero(row).tolist())
 
     def _is_circle(self, v: int) -> bool:
         return v >= self.extra and self.extras[v - self.extra][1] == "circle"
 
-    def _pivots(self, matrix: np.ndarray) -> Iterator[tuple[int, int]]:
-        """Which number follows from which equation of `matrix`, in which each is eliminated before the next is asked for."""
-        order = self._order()
-        yield from self._plain_pivots(matrix, order)
-        own = [sorted(range(6 * leaf, 6 * leaf + 6), key=lambda v: (v % 6 < 3, -v)) for leaf, _ in self.ties]
-        own += [find_own_numbers(self, leaf, row) for leaf, row in self.contacts]
-        own += [[v for v in find_own_numbers(self, leaf, row) if v >= self.extra] for leaf, row in self.apart]
-        spacings = [v for v in order if self._is_spacing(v)]
-        firsts = {self.leaf_of(v) for v in spacings}
-        for leaf, _, with_spacing in self.places:
-            own.append([*(6 * leaf + 5 - i for i in range(3)), *(spacings if with_spacing and leaf in firsts else [])])
-        for i, among in enumerate(own, start=len(self.rows)):
-            held = (v for v in among if abs(matrix[i, v]) > ZERO)
-            v = next((v for v in held if not self._is_spacing(v) or all(map(_is_plain, matrix[i] / matrix[i, v]))), None)
-            if v is not None:
-                yield v, i
+    def _solve_for_first(self, reduced: Reduced, i: int, among: Iterable[int]) -> None:
+        """Solve equation `i` for the first of some variables that it holds; for a spacing only by halves."""
+        row = reduced.matrix[i]
+        held = (v for v in among if abs(row[v]) > ZERO)
+        v = next((v for v in held if not self._is_spacing(v) or all(map(_is_plain, row / row[v]))), None)
+        if v is not None:
+            reduced.solve_for(v, i)
 
     def _plain_pivots(self, matrix: np.ndarray, order: list[int]) -> Iterator[tuple[int, int]]:
         free = np.arange(len(matrix)) < len(self.rows)
@@ -177,11 +181,6 @@ class LinearSystem:
 
     def _is_spacing(self, v: int) -> bool:
         return v >= self.extra and self.extras[v - self.extra][1].startswith("spacing")
-
-    def _dense(self, row: dict[int, float]) -> np.ndarray:
-        out = np.zeros(len(self.start))
-        out[list(row)] = list(row.values())
-        return out
 
     def is_step(self, v: int) -> bool:
         """Whether a further variable is by how much one corner or level of a drawing is off another."""
@@ -334,16 +333,6 @@ def _simple(row: dict[int, float]) -> dict[int, float] | None:
 def _is_plain(coefficient: float) -> bool:
     """Whether it is a whole number of halves."""
     return abs(2 * coefficient - round(2 * coefficient)) <= ZERO
-
-
-def _eliminate(matrix: np.ndarray, pivot: int, v: int) -> None:
-    """Solve row `pivot` for variable v and take it out of the other rows."""
-    matrix[pivot] /= matrix[pivot, v]
-    others = np.flatnonzero(np.abs(matrix[:, v]) > 0)
-    others = others[others != pivot]
-    columns = np.flatnonzero(matrix[pivot])
-    changed = matrix[np.ix_(others, columns)] - np.outer(matrix[others, v], matrix[pivot, columns])
-    matrix[np.ix_(others, columns)] = np.where(np.abs(changed) <= ZERO, 0.0, changed)
 
 
 def vector(parts: Sequence[Primitive]) -> np.ndarray:

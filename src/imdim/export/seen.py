@@ -52,6 +52,14 @@ def _surface_of(program: Program) -> tuple[Trimesh, np.ndarray]:
     return surface_with_owners(program, CHECK_SEGMENTS)
 
 
+def find_seen_reach(program: Program) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+    """Of each leaf that has a part in the surface the low and high corner [3] of a box around that part."""
+    surface, owners = _surface_of(program)
+    corners = surface.triangles
+    own = {int(leaf): corners[owners == leaf].reshape(-1, 3) for leaf in np.unique(owners[owners >= 0])}
+    return {leaf: (at.min(0), at.max(0)) for leaf, at in own.items()}
+
+
 @lru_cache(maxsize=4)
 def find_hidden_ends(program: Program) -> frozenset[tuple[int, int, int]]:
     """The plane ends along the world's axes, by leaf, axis and side, that have no part in the surface and lie level with none that has."""

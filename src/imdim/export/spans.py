@@ -12,7 +12,7 @@ from imdim.export.drawn_vertex import DrawnVertex
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.outline_rows import Sum
 from imdim.export.seats import reach_of, world_axis
-from imdim.export.seen import HAIR, SeenPlanes
+from imdim.export.seen import HAIR, SeenPlanes, find_seen_reach
 from imdim.export.seen_walls import find_hidden_walls
 from imdim.geometry.solid import exact_rotation
 from imdim.program.ellipse import Ellipse
@@ -23,10 +23,13 @@ from imdim.program.tree import Primitive, Program, leaves
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
+ROUND = ("cylinder", "cone")
+
 
 class Span(NamedTuple):
     """What fills a box `low` [3] to `high` [3], as seen along an `axis`: of its low and its high side the rows that say where it is, and
-    where that is which a person would measure to, with its row: of a circle its centre."""
+    where that is which a person would measure to, with its row: of a circle its centre. Of an end of a leaf the `middle` between both is
+    another such place."""
 
     leaf: int
     axis: int
@@ -34,16 +37,30 @@ class Span(NamedTuple):
     high: np.ndarray
     sides: tuple[Row, Row]
     datums: tuple[tuple[float, Row], tuple[float, Row]]
+    middle: tuple[float, Row] | None = None
 
 
 def list_spans(system: LinearSystem, program: Program) -> Iterator[Span]:
-    """Of the lines of drawings along the world's axes that are seen; and of extrusions whose drawings lie along these, of circles and of
-    other lines and arcs."""
-    seen, sign = SeenPlanes(program, HAIR), signs(program)
+    """Of flat faces along the world's axes that are seen, of cylinders, and of extrusions whose drawings lie along the axes of circles and
+    of other lines and arcs. They reach no further than something of their leaf is seen: what a foot is sunk into is not beside it."""
+    reach = find_seen_reach(program)
+    for span in _list_whole(system, program):
+        if span.leaf in reach:
+            low, high = span.low.copy(), span.high.copy()
+            across = [a for a in range(3) if a != span.axis]
+            low[across] = np.maximum(low, reach[span.leaf][0])[across]
+            high[across] = np.minimum(high, reach[span.leaf][1])[across]
+            yield span._replace(low=low, high=high)
+
+
+def _list_whole(system: LinearSystem, program: Program) -> Iterator[Span]:
+    seen, sign, parts = SeenPlanes(program, HAIR), signs(program), list(leaves(program))
     for p in list_flat_faces(system, program):
-        if p.is_wall and seen.meet(p.axis, p.low, p.high, sign[p.leaf] < 0):
+        if seen.meet(p.axis, p.low, p.high, sign[p.leaf] < 0):
             at = float(p.low[p.axis]), p.row
-            yield Span(p.leaf, p.axis, p.low, p.high, (p.row, p.row), (at, at))
+            middle = None if p.is_wall else (float(parts[p.leaf].center[p.axis]), {6 * p.leaf + 3 + p.axis: 1.0})
+            yield Span(p.leaf, p.axis, p.low, p.high, (p.row, p.row), (at, at), middle)
+    yield from _list_round_spans(system, program)
     hidden = find_hidden_walls(program)
     for leaf, part in enumerate(leaves(program)):
         drawing = LevelDrawing.of(leaf, part) if leaf in system.drawn else None
@@ -52,6 +69,21 @@ def list_spans(system: LinearSystem, program: Program) -> Iterator[Span]:
             if drawing is not None and not isinstance(loop, Ellipse) and isinstance(ring, tuple):
                 seen_curves = [(leaf, i, k) not in hidden for k in range(len(loop))]
                 yield from drawing.spans_of_loop(loop, ring, seen_curves)
+
+
+def _list_round_spans(system: LinearSystem, program: Program) -> Iterator[Span]:
+    """Of cylinders along a world axis, which are measured to their axes."""
+    for leaf, part in enumerate(leaves(program)):
+        turn = exact_rotation(part)
+        along = world_axis(turn[:, 2]) if part.kind in ROUND else None
+        if along is None:
+            continue
+        low, high = reach_of(part, turn)
+        column = max(range(len(part.size) - 1), key=lambda c: part.size[c])
+        for axis in (a for a in range(3) if a != along):
+            centre, rim = {6 * leaf + 3 + axis: 1.0}, {6 * leaf + column: 1.0}
+            at = part.center[axis], centre
+            yield Span(leaf, axis, low, high, (sum_rows((centre, 1.0), (rim, -1.0)), sum_rows((centre, 1.0), (rim, 1.0))), (at, at))
 
 
 class LevelDrawing(NamedTuple):

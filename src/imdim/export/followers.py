@@ -1,0 +1,51 @@
+"""Which number of a program gives way where two faces are to stay as far apart as they are.
+
+What the name itself says of the later leaf does, if that is what moves one past the other; then where that leaf lies, how deep or how far
+off something it is, and the lines of its drawing; then where the earlier one lies, and its lines. Of one drawing the lines come first.
+Sizes come last: they are what people know best. Radii, diameters, angles and counts never follow from a distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from imdim.export.contacts import ROUND
+
+if TYPE_CHECKING:
+    from imdim.export.elimination import LinearSystem
+
+PLACE, END, LINE, EXTENT = range(4)
+EXTENTS = frozenset(("length", "width", "height", "spacing", "thickness", "circle"))  # words of sizes
+ENDS = frozenset(("depth", "from", "floor", "x", "y", "z"))  # first words of where an end or a middle is
+
+
+def rank_followers(system: LinearSystem, among: Iterable[int], second: int, first: int, mover: int) -> list[int]:
+    """Those of variables `among` that may follow from how far a face of the leaf `second` is from one of `first`, the best first; `mover`
+    moves one past the other."""
+    order = (LINE, PLACE, END) if first == second else (PLACE, END, LINE)
+    ranks: dict[int, int] = {}
+    for v in among:
+        leaf, kind = system.leaf_of(v), _kind_of(system, v)
+        if leaf == second and kind in order:
+            ranks[v] = 0 if v == mover else 1 + order.index(kind)
+        elif leaf == first and kind in (PLACE, LINE):
+            ranks[v] = 4 + order.index(kind)
+        elif leaf == second and kind == EXTENT:
+            ranks[v] = 7
+        elif v == mover and kind in order:
+            ranks[v] = 8
+    return sorted(ranks, key=lambda v: (ranks[v], -v))
+
+
+def _kind_of(system: LinearSystem, v: int) -> int | None:
+    """Whether a variable is the place of a leaf, says where an end of it or a line of its drawing is, or how large either is; None of what
+    is round."""
+    if v < system.extra:
+        return EXTENT if v % 6 < 3 else PLACE
+    words = system.extras[v - system.extra][1].split("_")
+    if not ROUND.isdisjoint(words):
+        return None
+    if not EXTENTS.isdisjoint(words):
+        return EXTENT
+    return END if words[0] in ENDS else LINE
