@@ -16,7 +16,7 @@ import numpy as np
 from imdim.export.followers import rank_followers
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.reduction import Reduced
-from imdim.export.seen import SHORTEST, find_unseen
+from imdim.export.seen import find_unseen
 from imdim.export.spans import Span, list_spans
 from imdim.program.tree import Program
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 TENTH = 0.1  # of a name's value
 SLACK = 1e-6  # of the largest size, by which boxes that touch may miss each other
+UNNAMED = 1e-3  # of it: a gap that is no wider stays as it is, and has no name: by so much people let parts overlap
 TRIES = 120  # of equations
 MOST_WORK = 20_000_000  # tries times spans times variables, which take some seconds
 MOST_SPANS = 3000  # of a program: their pairs are looked at
@@ -155,6 +156,6 @@ class _Spans:
         if one.middle is not None and abs(one.middle[0] - at) < abs(at - other):
             other, its = one.middle
         gap, equation = at - other, sum_rows((row, 1.0), (its, -1.0))
-        if abs(gap) > SHORTEST * self._system.length:
+        if abs(gap) > UNNAMED * self._system.length:
             equation = sum_rows((equation, 1.0), ({self._system.new(two.leaf, "gap", abs(gap)): 1.0}, -1.0 if gap > 0 else 1.0))
         return one.leaf, two.leaf, equation
