@@ -73,7 +73,6 @@ def _area(ring: np.ndarray) -> float:
 
 def _find_rim(ring: np.ndarray) -> _Rim | None:
     """The rim that a counter-clockwise loop [n, 2] is; None where it is none, or its teeth are not alike."""
-    area = CrossSection([ring])
     center = _centroid(ring)
     ring = _without_straight(ring - center, STRAIGHT * float(np.ptp(ring, axis=0).max()))
     away = np.linalg.norm(ring, axis=1)
@@ -81,21 +80,20 @@ def _find_rim(ring: np.ndarray) -> _Rim | None:
     if len(ring) < 2 * LEAST or high - low < HIGH * high:
         return None
     outside = away > (low + high) / 2
-    rises = np.flatnonzero(outside & ~np.roll(outside, 1))
-    count = len(rises)
+    count = int((outside & ~np.roll(outside, 1)).sum())
     if not LEAST <= count <= MOST:
         return None
-    turned = CrossSection([ring]).rotate(360.0 / count)
-    if (turned ^ CrossSection([ring])).area() < (1 - ALIKE) * area.area():
+    area = CrossSection([ring])
+    if (area.rotate(360.0 / count) ^ area).area() < (1 - ALIKE) * area.area():
         return None
     roots = away[away < low + (high - low) / 3]
     slack = ROOTS * 2 * high
     radius = float(roots.max()) if np.ptp(roots) <= slack else low
-    return _read_tooth(np.roll(ring, -int(rises[0]), axis=0), radius, slack, count, center)
+    return _read_tooth(ring, radius, slack, count, center)
 
 
 def _read_tooth(ring: np.ndarray, radius: float, slack: float, count: int, center: np.ndarray) -> _Rim | None:
-    """The tooth that is nearest to the x axis of a loop about the origin which begins within a tooth."""
+    """The rim with the tooth that is nearest to the x axis, of a loop about the origin; None where teeth and roots do not take turns."""
     away = np.linalg.norm(ring, axis=1)
     is_root = np.abs(away - radius) <= slack
     if not is_root.any():
