@@ -48,6 +48,12 @@ def test_a_cut_in_one_of_two_joined_parts_ends_with_that_one() -> None:
     assert (hole, post) == (box(50.0, 30.0, 6.0), cylinder(4.0, 20.0, (28.0, 18.0, 0.0)))
 
 
+def test_two_holes_that_are_one_then_are_written_once() -> None:
+    body = union(box(60.0, 40.0, 5.0, (0.0, 0.0, 2.5)), cylinder(15.0, 14.0, (0.0, 0.0, 7.0)))
+    below, above = cylinder(8.0, 5.0, (0.0, 0.0, 2.5)), cylinder(8.0, 9.0, (0.0, 0.0, 9.5))
+    assert ended(cut(body, below, above))[2:] == [cylinder(8.0, 14.0, (0.0, 0.0, 7.0))]
+
+
 @pytest.mark.parametrize(
     "program",
     [

@@ -19,8 +19,9 @@ from imdim.geometry.finish.cutter_extent import direction_of, ends_of, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.tolerances import ALIGNED, NOTHING
 from imdim.geometry.solid import bounds_of, exact_rotation, primitive_to_manifold, to_manifold
+from imdim.program.nary import fold_nary
 from imdim.program.roles import cuts_of_each, signs
-from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves, replace_leaves
+from imdim.program.tree import FLAT_ENDS, Primitive, Program, combine_all, leaves, replace_leaves
 from imdim.program.vectors import round_vector
 
 MOST = 150  # primitives: every cutter is held against every other
@@ -66,7 +67,7 @@ def _boxes_meet(a: Manifold, b: Manifold) -> bool:
 
 def end_cuts_in_faces(program: Program, deadline: Deadline = NEVER) -> Program:
     """The program whose boxes, cylinders, cones and extrusions that are cut end no farther out than what they cut, and all but cones as far
-    out where nothing is in the way.
+    out where nothing is in the way. Cuts that are one then, as the two halves of a hole through a plate and the boss on it, are written once.
 
     Whoever takes it has to compare the solids. Past the `deadline` (by default never) the other cutters stay.
     """
@@ -76,7 +77,22 @@ def end_cuts_in_faces(program: Program, deadline: Deadline = NEVER) -> Program:
     made = _Solids.of(program)
     cutters = [i for i, part in enumerate(made.parts) if sign[i] < 0 and part.kind in FLAT_ENDS]
     ended = {i: _end(made, i) for i in cutters if not deadline.has_passed()}
-    return replace_leaves(program, ended)
+    return _without_twins(replace_leaves(program, ended)) if ended else program
+
+
+def _without_twins(program: Program) -> Program:
+    """The program without what stands beside its equal in one union, or is cut again."""
+    if len(set(leaves(program))) == len(list(leaves(program))):
+        return program
+    return fold_nary(
+        program,
+        lambda _, leaf: leaf,
+        {
+            "union": lambda terms: combine_all("union", list(dict.fromkeys(terms))),
+            "intersection": lambda terms: combine_all("intersection", terms),
+            "difference": lambda terms: combine_all("difference", [terms[0], *dict.fromkeys(terms[1:])]),
+        },
+    )
 
 
 def _end(made: _Solids, cut: int) -> Primitive:
