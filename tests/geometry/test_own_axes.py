@@ -28,9 +28,21 @@ def lie(program, rotation):
     return trimesh.Trimesh(mesh.vertices @ rotation.T, mesh.faces, process=False)
 
 
-@pytest.mark.parametrize("rotation", [np.eye(3), matrix_from_euler((90.0, 0.0, 0.0)), matrix_from_euler((0.0, 0.0, 30.0))])
+@pytest.mark.parametrize("rotation", [np.eye(3), matrix_from_euler((90.0, 0.0, 0.0))])
 def test_what_faces_an_axis_of_the_world_stays(rotation):
     assert axes_of(lie(BRACKET, rotation)) is None
+
+
+def test_what_was_turned_about_an_axis_of_the_world_turns_back():
+    typed = matrix_from_euler((0.0, 0.0, 27.0))
+    assert np.allclose(own_axes_of(lie(BRACKET, typed)), typed, atol=1e-15)
+    clip = cut(union(cylinder(20, 20), box(22, 10, 20, (27, 0, 0))), cylinder(16, 22), box(40, 2, 22, (20, 0, 0)))
+    assert np.allclose(own_axes_of(lie(clip, typed)), typed, atol=1e-15)
+
+
+def test_a_part_whose_flats_face_three_ways_across_an_axis_stays():
+    program = union(*(box(30, 6, 8, (0, 0, 0), (0.0, 0.0, 27.0 + 60 * k)) for k in range(3)))
+    assert axes_of(lie(program, np.eye(3))) is None
 
 
 def test_a_bracket_that_lies_aslant_turns_back_by_the_shortest_way():

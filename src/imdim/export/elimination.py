@@ -20,6 +20,7 @@ from imdim.export.contacts import find_contacts, find_own_numbers
 from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
+from imdim.export.own_directions import find_own_directions
 from imdim.export.reduction import ZERO, Reduced
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.round_contacts import bind_plugs
@@ -348,6 +349,11 @@ def without_loose(
     numbers = lower(program)
     if not constraints or len(numbers.kinds) > MOST_NAMED:
         return ()
+    if own := find_own_directions(delivered):
+        turned = own.program(delivered)
+        held = own.constraints(constraints, turned)
+        kept = {id(c) for c in without_loose(own.program(program), held, turned, folded and own.folded(folded))}
+        return tuple(c for c in constraints if id(c) in kept or c.kind in ("parallel", "perpendicular"))
     system = LinearSystem.of(program, constraints, delivered, folded)
     matrix, owner = _world_rows(constraints, numbers)
     follows = np.zeros((6 * len(numbers.kinds), len(system.start)))

@@ -7,6 +7,7 @@ outlines, the text ends with a module that divides their arcs by `$fn`, as `geom
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,6 +18,7 @@ from imdim.export.edge_text import DrawnEdges
 from imdim.export.feature_notes import write_notes
 from imdim.export.loops import Loop, less
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves, write_sizes
+from imdim.export.own_directions import OwnPlaces
 from imdim.export.parameters import Parameters
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.cost import count
@@ -90,6 +92,7 @@ SWITCH = {
     False: "edges = false; // true draws the chamfers and fillets below too",
 }
 WHERE_DRAWN = "if (edges)"
+TURN = "rotate"  # of the whole part
 
 _SHAPE: Mapping[str, Callable[..., str]] = {
     "box": lambda x, y, z: f"cube([{x}, {y}, {z}], center = true)",
@@ -110,16 +113,30 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     `edges` are drawn where the text's own switch says so, which is on where they matter.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program)
+    named, aslant = _along_own(named), named.own
+    written = program if aslant is None else aslant.directions.program(program)
 
     def line(number: int, leaf: Primitive) -> list[str]:
         return _primitive(leaf, rounding, named, number, named.centers[number])
 
-    lines = fold_nary(program, line, {op: _block(op) for op in OPS})
+    lines = _turned(fold_nary(written, line, {op: _block(op) for op in OPS}), aslant)
     head = customizer_head(named, rounding.size, counted=False)
     if edges is None or not edges.pieces:
         return "\n".join([f"$fn = {segments};", "", *head, *lines, "", *_definitions(program)])
     drawn = [*_switch(edges), "", *_with_blends(lines, edges, rounding), ""]
     return "\n".join([f"$fn = {segments};", "", *head, *drawn, *(_definitions(program) or [OUTLINE])])
+
+
+def _along_own(named: Parameters) -> Parameters:
+    """The parameters with places along the program's own directions."""
+    return named if named.own is None else replace(named, centers=named.own.centers, loops=named.own.loops)
+
+
+def _turned(lines: Sequence[str], aslant: OwnPlaces | None) -> list[str]:
+    """Statements that are turned as one where their places are along other directions than the world's."""
+    if aslant is None:
+        return list(lines)
+    return [f"{TURN}([{', '.join(map(Rounding.angle, aslant.directions.rotation))}]) {{", *("  " + line for line in lines), "}"]
 
 
 def _switch(edges: DrawnEdges) -> list[str]:
@@ -154,8 +171,9 @@ def to_openscad_loops(folded: Folded, segments: int, named: Parameters) -> str:
     """OpenSCAD text of a program with repeats in its own units, with `$fn` at `segments`, and numbers that follow `named`."""
     program = expand(folded)
     rounding = Rounding.of(program)
+    named, aslant = _along_own(named), named.own
     writer = _Writer(rounding, named)
-    body = writer.lines(folded, 0)
+    body = _turned(writer.lines(folded if aslant is None else aslant.directions.folded(folded), 0), aslant)
     head = customizer_head(named, rounding.size)
     return "\n".join([f"$fn = {segments};", "", *head, *writer.modules, *body, "", *_definitions(program)])
 

@@ -1,8 +1,8 @@
 """Read back the flat OpenSCAD that `openscad.py` writes, so that the delivered file itself can be measured.
 
 Parameters, ``name = sum;``, then one statement per primitive: ``translate([..]) rotate([..]) SHAPE``, any of the two optional, inside
-nested union, difference and intersection blocks. Numbers may be sums and products of parameters. The definition of outlines is
-skipped where it is ours.
+nested union, difference and intersection blocks, and blocks that turn what is in them. Numbers may be sums and products of parameters. The
+definition of outlines is skipped where it is ours.
 Anything else raises ValueError: this is a check of our own files, not an OpenSCAD interpreter.
 """
 
@@ -17,10 +17,13 @@ from functools import lru_cache
 from typing import Any
 
 from imdim.export.bends import SIDES, Arc, polygon_across_flats, regular_polygon, to_loop
-from imdim.export.openscad import ELLIPSE, OUTLINE, SWITCH, WHERE_DRAWN
+from imdim.export.openscad import ELLIPSE, OUTLINE, SWITCH, TURN, WHERE_DRAWN
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.program import fields
+from imdim.program.motions import Motion, move_program
 from imdim.program.outline import MOST_CURVES, Loop, Outline, circle, ellipse
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3, combine_all
+from imdim.target.target import as_matrix
 
 _ASSIGNMENT = re.compile(r"([A-Za-z_]\w*) = (.+);")
 _CALLS = re.compile(r"(?:(translate)(\(\[[^\]]*\]\)) )?(?:(rotate)(\(\[[^\]]*\]\)) )?(.+);")
@@ -37,6 +40,7 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
 
 _POLYGONS = {"ngon": regular_polygon, "across_flats": polygon_across_flats}
 _NAME = re.compile(r"[A-Za-z_]\w*")
+_TURNED = re.compile(rf"{TURN}(\(\[[^\]]*\]\)) \{{")
 _SECTION = re.compile(r"^/\* \[[^\]]*\] \*/$")  # of OpenSCAD's Customizer
 _SWITCHES = tuple(SWITCH[drawn].partition("//")[0].strip() for drawn in (True, False))
 
@@ -50,7 +54,7 @@ def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: 
     Raises ValueError with the line's number for anything else, and for a parameter that the text does not have.
     """
     given = given or {}
-    open_blocks: list[tuple[Op | None, list[Program]]] = [("union", [])]
+    open_blocks: list[tuple[Op | Vec3 | None, list[Program]]] = [("union", [])]
     values: Values = {}
     # as many lines as before, so that messages count them as the file does
     for ours in (OUTLINE, ELLIPSE):
@@ -58,15 +62,18 @@ def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: 
     for number, line in _statements(text):
         assigned = _ASSIGNMENT.fullmatch(line)
         begun: Op | None = next((op for op in OPS if line == f"{op}() {{"), None)
+        turned = _TURNED.fullmatch(line)
         if not line or line.startswith("$fn = ") or line in _SWITCHES:
             continue
         if line == "}" and len(open_blocks) > 1 and open_blocks[-1][1]:
-            op, parts = open_blocks.pop()
-            open_blocks[-1][1].extend([combine_all(op, parts)] if op is not None else parts if blended else [])
+            kind, parts = open_blocks.pop()
+            open_blocks[-1][1].extend(_close(kind, parts) if kind is not None else parts if blended else [])
         elif line == f"{WHERE_DRAWN} {{":
             open_blocks.append((None, []))
         elif begun is not None:
             open_blocks.append((begun, []))
+        elif turned is not None:
+            open_blocks.append((_vector(turned[1], values, number), []))
         elif assigned is not None:
             values[assigned[1]] = given.get(assigned[1], _value(_parse(assigned[2], number), values, number))
         else:
@@ -79,6 +86,14 @@ def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: 
     if unknown:
         raise ValueError(f"the text has no parameter {unknown[0]!r}; it has {', '.join(values) or 'none'}")
     return combine_all("union", open_blocks[0][1])
+
+
+def _close(kind: Op | Vec3, parts: list[Program]) -> list[Program]:
+    """What a block of parts says: one operation, or all turned by Euler degrees."""
+    if isinstance(kind, str):
+        return [combine_all(kind, parts)]
+    turn = Motion(as_matrix(matrix_from_euler(kind)), (0.0, 0.0, 0.0))
+    return [move_program(part, turn) for part in parts]
 
 
 def are_drawn(text: str) -> bool:

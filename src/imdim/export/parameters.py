@@ -22,6 +22,7 @@ from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
 from imdim.export.outline_rows import Sum
 from imdim.export.outline_walls import EXACT
+from imdim.export.own_directions import OwnPlaces, find_own_directions
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
@@ -45,7 +46,7 @@ class Parameters:
 
     `counts` are the names that say how often parts repeat, `loops` the repeats in the order of `repeats`. The names in `angles` are
     degrees, all others lengths. `notes` are comments above leaves; `labels` what the leaves are called, if
-    that is known.
+    that is known. `own` has the places along the program's own directions, None where these are the world's.
     """
 
     values: dict[str, float] = field(default_factory=dict)
@@ -57,6 +58,7 @@ class Parameters:
     outlines: tuple[tuple[DrawnLoop, ...], ...] = ()
     notes: Notes = field(default_factory=dict)
     labels: tuple[str, ...] = ()
+    own: OwnPlaces | None = None
 
     @staticmethod
     def none(program: Program, folded: Folded | None = None) -> Parameters:
@@ -98,7 +100,8 @@ def parametrise(
     folded: Folded | None = None,
     values: Mapping[str, float] | None = None,
 ) -> Parameters:
-    """Names and expressions for the numbers of `delivered`, from constraints that hold for `program`.
+    """Names and expressions for the numbers of `delivered`, from constraints that hold for `program`; places are named along the part's own
+    directions.
 
     Both have the same leaves but for what `overshoot` and rounding changed, which becomes a constant of the expression. `folded`, which
     `delivered` is the expansion of, adds what its repeats say, and their counts. Names in `values` get these instead of those of `program`.
@@ -119,6 +122,12 @@ def _parametrise(
     values: Mapping[str, float],
     label: Sequence[str],
 ) -> Parameters:
+    if own := find_own_directions(delivered):
+        turned = own.program(delivered)
+        held = own.constraints(constraints, turned)
+        named = _parametrise(own.program(program), held, turned, folded and own.folded(folded), values, label)
+        centers, loops = tuple(map(own.in_world, named.centers)), tuple(map(own.loop, named.loops))
+        return replace(named, centers=centers, loops=loops, own=OwnPlaces(own, named.centers, named.loops))
     fixed: set[int] = set()
     while True:
         system = LinearSystem.of(program, constraints, delivered, folded, fixed)

@@ -15,6 +15,7 @@ ALONG = 1 - 1.5e-6  # cosine from which a normal is along an axis (0.1 degrees)
 RIGHT = 1.5e-3  # largest cosine of a right angle
 CELL = 2e-3  # of a unit normal: those of one cell are looked at as one
 LEVEL = 0.01  # of the area, that faces along the world's axes at least if these are the part's own
+MOSTLY = 0.5  # of the area of faces across an axis, that face two directions at right angles
 LEAST = 2e-3  # of it, that faces a direction that may be an axis
 REACHES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # from a direction, within which facets are ever more surely of one flat
 MOST = 64  # directions that are looked at
@@ -34,16 +35,20 @@ class _Directions(NamedTuple):
 
 def find_own_axes(normals: np.ndarray, areas: np.ndarray) -> np.ndarray | None:
     """The rotation [3, 3] whose columns are the axes that most of the flat area of triangles faces, by their unit `normals` [n, 3] and
-    `areas` [n]; None where faces lie along the world's axes, or none are flat.
+    `areas` [n]; None where faces lie along the world's axes, or none are flat. Where they lie along one of these alone, and most others
+    face two directions across it at right angles, the part was turned about that one.
 
     A part with one flat direction alone is spun so that the edges of its round walls begin at an axis, as they are drawn. Of the 24 ways
     to number and to point axes, and of frames with as much area, it is the one that turns least.
     """
     total = float(areas.sum())
-    if not total or areas[np.abs(normals).max(axis=1) > ALONG].sum() >= LEVEL * total:
+    level = np.array([areas[np.abs(normals[:, k]) > ALONG].sum() >= LEVEL * total for k in range(3)])
+    if not total or level.sum() > 1:
         return None
     found = _directions(normals, areas)
     frames = list(_frames(found, total))
+    if level.any():
+        frames = [(weight, frame) for weight, frame in frames if _is_turned_about(int(level.argmax()), frame, found)]
     if not frames:
         return None
     most = max(weight for weight, _ in frames)
@@ -86,9 +91,7 @@ def _sharpen(normals: np.ndarray, areas: np.ndarray) -> np.ndarray:
 def _frames(found: _Directions, total: float) -> Iterator[tuple[float, np.ndarray]]:
     """Rotations [3, 3] with flat directions as columns, and the area of these."""
     vectors, areas = found
-    cosines = np.abs(vectors @ vectors.T)
-    alike = (areas < ALIKE * areas[:, None]) & (areas[:, None] < ALIKE * areas)
-    beside = (cosines > SMOOTH) & alike & ~np.eye(len(areas), dtype=bool)
+    cosines, beside = np.abs(vectors @ vectors.T), _strips_beside(found)
     flat = np.flatnonzero(~beside.any(axis=1) & (areas >= LEAST * total))
     for i, j in combinations(flat, 2):
         if cosines[i, j] > RIGHT:
@@ -102,6 +105,22 @@ def _frames(found: _Directions, total: float) -> Iterator[tuple[float, np.ndarra
     edges = [_bisect(vectors[a], vectors[nearest[a]]) for a in np.flatnonzero(beside.any(axis=1))]
     for i in flat:
         yield from ((float(areas[i]), spun) for spun in _spun_frames(vectors[i], edges))
+
+
+def _strips_beside(found: _Directions) -> np.ndarray:
+    """Which directions [k, k] are those of two strips of one round wall."""
+    vectors, areas = found
+    alike = (areas < ALIKE * areas[:, None]) & (areas[:, None] < ALIKE * areas)
+    return (np.abs(vectors @ vectors.T) > SMOOTH) & alike & ~np.eye(len(areas), dtype=bool)
+
+
+def _is_turned_about(k: int, frame: np.ndarray, found: _Directions) -> bool:
+    """Whether one of a frame's axes is that of the world with number `k`, and most of what is flat and faces across it faces the others."""
+    along = np.abs(frame[k]) > ALONG
+    across = (np.abs(found.vectors[:, k]) < RIGHT) & ~_strips_beside(found).any(axis=1)
+    facing = np.abs(found.vectors @ frame[:, ~along]) > ALONG
+    faced = float(found.areas[across] @ facing[across].any(axis=1))
+    return along.sum() == 1 and faced > MOSTLY * float(found.areas[across].sum())
 
 
 def _spun_frames(axis: np.ndarray, edges: Sequence[np.ndarray]) -> Iterator[np.ndarray]:

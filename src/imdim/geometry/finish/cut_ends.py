@@ -67,7 +67,7 @@ def _boxes_meet(a: Manifold, b: Manifold) -> bool:
 
 def end_cuts_in_faces(program: Program, deadline: Deadline = NEVER) -> Program:
     """The program whose boxes, cylinders, cones and extrusions that are cut end no farther out than what they cut, and all but cones as far
-    out where nothing is in the way. Cuts that are one then, as the two halves of a hole through a plate and the boss on it, are written once.
+    out where nothing is in the way. Cuts that are one then, as the halves of a hole through a plate and the boss on it, are written once.
 
     Whoever takes it has to compare the solids. Past the `deadline` (by default never) the other cutters stay.
     """
