@@ -23,4 +23,4 @@ def find_bracket_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         yield Snapshot("finished", from_json(document), 0.001, 1.0, "finished", constraints=constraints_of(document))
 
     monkeypatch.setattr("imdim.reconstruction.pipeline.reconstruct", find_bracket)
-    monkeypatch.setattr("imdim.delivery.first_run.compile_kernels", lambda stream: 0.0)
+    monkeypatch.setattr("imdim.delivery.first_run.compile_kernels", lambda stream, cloud: 0.0)

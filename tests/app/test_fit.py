@@ -300,7 +300,7 @@ def test_the_language_is_set_like_any_setting(part, tmp_path, monkeypatch, given
 
     monkeypatch.setattr("imdim.delivery.deliver.deliver", lambda *_, **__: REPORT)
     monkeypatch.setattr("imdim.reconstruction.pipeline.reconstruct", draw)
-    monkeypatch.setattr("imdim.delivery.first_run.compile_kernels", lambda stream: 0.0)
+    monkeypatch.setattr("imdim.delivery.first_run.compile_kernels", lambda stream, cloud: 0.0)
     assert imdim(["fit", str(part), "-o", str(tmp_path / "out"), *given]) == 0
     assert run(lambda: from_hydra(ROOT / "configs", "infer", [f"input={part}", f"output={tmp_path / 'out'}", *given])) == 0
     assert seen == ["csg" if given else "cad"] * 2
@@ -330,7 +330,7 @@ def test_the_help_explains_every_setting_with_its_default(capsys):
 @pytest.fixture
 def stands_in(monkeypatch):
     monkeypatch.setattr("imdim.reconstruction.pipeline.reconstruct", box_found)
-    monkeypatch.setattr("imdim.delivery.first_run.compile_kernels", lambda stream: 0.0)
+    monkeypatch.setattr("imdim.delivery.first_run.compile_kernels", lambda stream, cloud: 0.0)
 
 
 def test_without_an_output_the_results_are_named_after_the_part(part, tmp_path, monkeypatch, capsys, stands_in):

@@ -98,11 +98,12 @@ def test_settings_bring_their_seed(monkeypatch):
 
     compiled = []
     monkeypatch.setattr(module.pipeline, "reconstruct", box_found)
-    monkeypatch.setattr(module.first_run, "compile_kernels", compiled.append)
+    monkeypatch.setattr(module.first_run, "compile_kernels", lambda stream, cloud: compiled.append((stream, cloud)))
     mesh = trimesh.creation.box()
     assert imdim.reconstruct(mesh, imdim.Settings(seed=5)).error == 5
     assert imdim.reconstruct(mesh, imdim.Settings(seed=5), seed=6).error == 6
-    assert compiled == [sys.stderr] * 2
+    assert imdim.reconstruct(mesh.sample(50), imdim.Settings(seed=5)).error == 5
+    assert compiled == [(sys.stderr, False), (sys.stderr, False), (sys.stderr, True)]
 
 
 def test_what_somebody_has_changed_is_not_replaced(found, tmp_path):

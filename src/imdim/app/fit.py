@@ -151,7 +151,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
         from imdim.delivery.first_run import compile_kernels
 
         reconstruct = pipeline.reconstruct
-        start += compile_kernels(StringIO() if quiet else sys.stderr)
+        start += compile_kernels(StringIO() if quiet else sys.stderr, cloud=target.mesh is None)
     left = max(settings.budget_s - stages["loading"] - min(WRITING_S, WRITING_SHARE * settings.budget_s), LEAST_S)
     with _EarlyStep() as step:
         snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))

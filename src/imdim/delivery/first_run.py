@@ -1,8 +1,11 @@
 """Before the first fit on a machine its kernels are compiled, outside the budget and with a word about it; later runs load them.
 
+Those that clouds alone need wait for the first cloud: a mesh is not kept waiting for them.
+
 What builds a wheel for its own machine compiles them into it (`compiled_build.py` of the source), and there is no first run.
 Where there is a second core another process compiles those that say what a program is worth, while this one compiles those that look for
-programs, and comes to the others when they are done. They meet in numba's cache, in which files appear whole.
+programs, and comes to the others when they are done; of a cloud's, those that search while this one compiles those that detect. They meet
+in numba's cache, in which files appear whole.
 
 Kernels copy arrays number by number: for one that is set as a whole numba compiles a message about shapes that do not fit, with all that
 makes text of numbers, for a second and a half.
@@ -15,10 +18,10 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 from numba import njit
 from numba.core import event
@@ -35,9 +38,7 @@ if TYPE_CHECKING:
     from imdim.program.tree import Combine
     from imdim.target.target import Target
 
-ALONE_S, SHARED_S = 30, 16  # what it takes on one core and on two, to say so
-KERNELS = 240  # about so many there are, to say how far it is,
-LEFT_TO_ONE = 0.55  # and the share of them that one of two processes compiles
+FEW_POINTS, BLUR = 200, 0.15  # of a small cloud, and how far they lie off its part
 SHOWN_EVERY_S = 0.2
 
 
@@ -47,23 +48,35 @@ def _first_run_mark(number):  # pragma: no cover - compiled
     return number + 1
 
 
-def compile_kernels(stream: TextIO) -> float:
+@njit(cache=True)
+def _first_cloud_mark(number):  # pragma: no cover - compiled
+    """As `_first_run_mark`, of the kernels that clouds alone need."""
+    return number + 2
+
+
+def compile_kernels(stream: TextIO, cloud: bool = False) -> float:
     """Compile what a fit needs unless this machine has it, and say so on `stream`; the seconds that it took.
 
-    Where that is stopped half-way, the next run goes on with it.
+    With what a `cloud` needs, where it is one. Where that is stopped half-way, the next run goes on with it.
     """
-    start, before = time.perf_counter(), _misses()
-    _first_run_mark(1)
-    if _misses() > before:
+    start = time.perf_counter()
+    for stage in (MESHES, CLOUDS) if cloud else (MESHES,):
+        _compile_stage(stage, stream)
+    return time.perf_counter() - start
+
+
+def _compile_stage(stage: KernelSet, stream: TextIO) -> None:
+    start, before = time.perf_counter(), _misses(stage)
+    stage.mark(1)
+    if _misses(stage) > before:
         alone = count_cores() < 2
         try:
-            with _uncollected(), _Counter(stream, alone) as counter, _helper(alone):
-                _reconstruct_small_part()
+            with _uncollected(), _Counter(stage, stream, alone) as counter, _helper(stage, alone):
+                stage.compile()
         except BaseException:
-            _forget_mark()
+            _forget_mark(stage)
             raise
         counter.conclude(time.perf_counter() - start)
-    return time.perf_counter() - start
 
 
 def compile_second_half() -> None:
@@ -87,14 +100,27 @@ def compile_second_half() -> None:
         _see_from_outside(target.mesh, points)
 
 
+def compile_second_half_of_clouds() -> None:
+    """Compile the kernels that search in noise, as where detection tells no inside."""
+    import numpy as np
+
+    from imdim.deadline import NEVER
+    from imdim.reconstruction.mdl import reconstruct_unlabelled
+    from imdim.reconstruction.observation import UnitBody
+    from imdim.target.target import in_unit_frame, target_from
+
+    body = UnitBody.of(in_unit_frame(target_from(_small_cloud()))[0], np.random.default_rng(0))
+    reconstruct_unlabelled(body, None, NEVER, NEVER, drawn=True)
+
+
 @contextmanager
-def _helper(alone: bool) -> Iterator[None]:
+def _helper(stage: KernelSet, alone: bool) -> Iterator[None]:
     """Another process that compiles the second half, unless there is no core for it; it never outlives the block."""
     if alone:
         yield
         return
     process = subprocess.Popen(
-        [sys.executable, "-m", __name__], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        [sys.executable, "-m", __name__, stage.name], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     try:
         yield
@@ -127,23 +153,23 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def _forget_mark() -> None:
+def _forget_mark(stage: KernelSet) -> None:
     """Let the next run compile what this one did not get to."""
-    for path in Path(_first_run_mark.stats.cache_path).glob(f"*{_first_run_mark.__name__}*"):  # type: ignore[attr-defined]
+    for path in Path(stage.mark.stats.cache_path).glob(f"*{stage.mark.__name__}*"):
         path.unlink(missing_ok=True)
 
 
-def _misses() -> int:
-    return sum(_first_run_mark.stats.cache_misses.values())  # type: ignore[attr-defined]
+def _misses(stage: KernelSet) -> int:
+    return sum(stage.mark.stats.cache_misses.values())
 
 
 class _Counter(event.Listener):
     """Counts what numba compiles, and tells of it if there is anything: on a terminal in place."""
 
-    def __init__(self, stream: TextIO, alone: bool) -> None:
-        self._stream, self._shown, self._count = stream, 0.0, 0
-        self._how_long = f"about {ALONE_S} s of a core" if alone else f"about {SHARED_S} s on two cores"
-        self._kernels = KERNELS if alone else round(LEFT_TO_ONE * KERNELS)
+    def __init__(self, stage: KernelSet, stream: TextIO, alone: bool) -> None:
+        self._name, self._stream, self._shown, self._count = stage.name, stream, 0.0, 0
+        self._how_long = f"about {stage.alone_s} s of a core" if alone else f"about {stage.shared_s} s on two cores"
+        self._kernels = stage.kernels if alone else round(stage.left_to_one * stage.kernels)
 
     def __enter__(self) -> _Counter:
         event.register("numba:compile", self)
@@ -154,7 +180,7 @@ class _Counter(event.Listener):
 
     def on_start(self, event: Any) -> None:
         if not self._count:
-            self._stream.write(f"imdim: first run on this machine: compiling, before the clock starts ({self._how_long})\n")
+            self._stream.write(f"imdim: first {self._name} on this machine: compiling, before the clock starts ({self._how_long})\n")
             self._stream.flush()
             self._count = 1
 
@@ -185,6 +211,19 @@ def _reconstruct_small_part() -> None:
     _see_from_outside(to_trimesh(to_manifold(found.program)), target.points)
 
 
+def _reconstruct_small_cloud() -> None:
+    """And what an outline tells of it: calm clouds need no other kernels."""
+    from imdim.numbers.em import EMConfig, maximise_likelihood
+    from imdim.numbers.likelihood import Noise
+    from imdim.reconstruction.config import Settings
+    from imdim.reconstruction.pipeline import reconstruct_best
+    from imdim.target.target import target_from
+
+    cloud = _small_cloud()
+    maximise_likelihood(_small_part(), cloud, Noise(BLUR), EMConfig(rounds=2))
+    reconstruct_best(target_from(cloud), Settings(budget_s=600.0, checkpoint="none"))
+
+
 def _see_from_outside(surface: Trimesh, points: np.ndarray) -> None:
     """What delivery alone asks for."""
     from imdim.geometry.kernels import outline_sdf
@@ -205,6 +244,15 @@ def _small_target() -> Target:
     return target_from(to_trimesh(to_manifold(_small_part())), "first run")
 
 
+def _small_cloud() -> np.ndarray:
+    """A few noisy points [n, 3] of the small part."""
+    import numpy as np
+
+    rng, points = np.random.default_rng(0), _small_target().points
+    few = points[rng.choice(len(points), FEW_POINTS, replace=False)]
+    return few + BLUR * rng.standard_normal(few.shape)
+
+
 def _small_part() -> Combine:
     from imdim.program.outline import Outline, circle
     from imdim.program.tree import Combine, Primitive
@@ -214,9 +262,35 @@ def _small_part() -> Combine:
     return Combine("difference", link, Primitive("box", (4.0, 3.0, 2.0), center=(-4.0, 0.0, 1.5)))
 
 
+class KernelSet(NamedTuple):
+    """Kernels that are compiled at once, known by their `mark`: by `compile`, and with another process's `compile_half`.
+
+    To say how long that takes and how far it is: the seconds on one core and on two, about how many `kernels` there are, and the share of
+    them that is left to this process by the other.
+    """
+
+    name: str
+    mark: Any
+    compile: Callable[[], None]
+    compile_half: Callable[[], None]
+    alone_s: int
+    shared_s: int
+    kernels: int
+    left_to_one: float
+
+
+MESHES = KernelSet("run", _first_run_mark, _reconstruct_small_part, compile_second_half, 30, 16, 240, 0.55)
+CLOUDS = KernelSet("cloud", _first_cloud_mark, _reconstruct_small_cloud, compile_second_half_of_clouds, 20, 12, 130, 0.6)
+
+
+def main(arguments: list[str]) -> None:
+    """Compile `all` that fits need, or the half of a stage that its name asks for."""
+    if arguments == ["all"]:
+        compile_kernels(sys.stderr, cloud=True)
+        return
+    with _uncollected():
+        {stage.name: stage.compile_half for stage in (MESHES, CLOUDS)}[arguments[0]]()
+
+
 if __name__ == "__main__":
-    if sys.argv[1:] == ["all"]:
-        compile_kernels(sys.stderr)
-    else:
-        with _uncollected():
-            compile_second_half()
+    main(sys.argv[1:])

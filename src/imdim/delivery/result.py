@@ -175,7 +175,7 @@ def reconstruct(
         target = part if isinstance(part, Target) else target_from(part)
     target = place(target, settings.units, settings.origin)
     stages: dict[str, float] = {}
-    first_run.compile_kernels(sys.stderr)
+    first_run.compile_kernels(sys.stderr, cloud=target.mesh is None)
     last = pipeline.exhaust(pipeline.reconstruct(target, settings, np.random.default_rng(seed)), stages)
     found = (last.program, last.edges, last.constraints, last.front, last.error, last.stop or "finished", last.proof, last.notes)
     return Reconstruction(target, *found, settings=settings, seed=seed, stages=stages, noisy=last.noisy, noise=last.noise)

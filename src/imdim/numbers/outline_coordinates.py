@@ -40,7 +40,9 @@ class OutlineCoordinates:
     def rows(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """How far along their outward unit `normals` [n, 2] the `points` [n, 2] of the outline move by each coordinate: [n, p]."""
         curves = Outlines.pack([self.outline]).curves
-        return _vertex_rows(curves, _following(self.outline), points, normals) @ self.map
+        # one kind of array is one kernel to compile
+        flat = np.ascontiguousarray(points), np.ascontiguousarray(normals)
+        return _vertex_rows(curves, _following(self.outline), *flat) @ self.map
 
     def move(self, step: np.ndarray) -> Outline:
         """The outline after a step [p]. Raises ValueError for one that bounds nothing."""

@@ -54,7 +54,8 @@ def best_curve(
     judge: Callable[..., np.ndarray], points: np.ndarray, picks: np.ndarray, scored: np.ndarray, *limits: float
 ) -> tuple[float, ...]:
     """What `judge`, `circles` or `lines`, finds clearest through some of the points, `picks` [t, 2 or 3], and its contrast."""
-    first = judge(points, picks, scored[::SUBSAMPLED], *limits)
+    few = np.ascontiguousarray(scored[::SUBSAMPLED])  # as `scored` is: one kernel to compile
+    first = judge(points, picks, few, *limits)
     found = judge(points, picks[np.argsort(-first[:, -1], kind="stable")[:KEPT]], scored, *limits)
     return tuple(found[found[:, -1].argmax()].tolist())
 
