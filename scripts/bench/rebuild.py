@@ -32,8 +32,9 @@ from imdim.export.parameters import is_count
 from imdim.geometry import kernels
 from imdim.geometry.solid import exact_rotation, surface_with_owners
 from imdim.program import codec
-from imdim.program.edges import Face, faces_of, wall_curve
-from imdim.program.outline import Curve, flatten_loop
+from imdim.program.edges import Face, faces_of
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Curve, Point, flatten_loop, ring_curves
 from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest
 
 FACTORS = (1.1, 0.9)
@@ -146,8 +147,8 @@ class Shown(NamedTuple):
             if len(own):
                 turn, middles = exact_rotation(leaf), surface.triangles_center[own]
                 names = face_names(leaf, (middles - np.array(leaf.center)) @ turn, surface.face_normals[own] @ turn, segments)
-                total = np.bincount(names, areas[own], len(faces_of(leaf)))
-                seen = [(i, name) for i, name in enumerate(faces_of(leaf)) if total[i] > least]
+                total = np.bincount(names, areas[own], len(all_faces(leaf)))
+                seen = [(i, name) for i, name in enumerate(all_faces(leaf)) if total[i] > least]
                 faces |= {Face(number, name): middles[names == i] for i, name in seen}
         return Shown(parts, faces)
 
@@ -161,8 +162,14 @@ class Shown(NamedTuple):
         return any(np.abs(kernels.program_sdf(self.parts[i], at)).max() < near for i in sorted(known - {face.leaf}))
 
 
+def all_faces(leaf: Primitive) -> list[str]:
+    """The names that edges call a leaf's faces by, and ``wall[i]`` for those of ellipses, which have no edges."""
+    loops = leaf.outline.loops if leaf.outline is not None else ()
+    return faces_of(leaf) + [f"wall[{i}]" for i, loop in enumerate(loops) if isinstance(loop, Ellipse)]
+
+
 def face_names(leaf: Primitive, middles: np.ndarray, normals: np.ndarray, segments: int) -> np.ndarray:
-    """Which of `faces_of` a leaf triangles [n] lie on, by their local middles [n, 3] and normals [n, 3], which may point either way."""
+    """Which of `all_faces` of a leaf triangles [n] lie on, by their local middles [n, 3] and normals [n, 3], which may point either way."""
     if leaf.kind == "box":
         axis = np.abs(normals).argmax(1)
         return 2 * axis + (middles[np.arange(len(axis)), axis] < 0)
@@ -172,18 +179,24 @@ def face_names(leaf: Primitive, middles: np.ndarray, normals: np.ndarray, segmen
     if leaf.outline is None:
         return np.zeros(len(middles), int)
     planes = [name for name in faces_of(leaf) if name[0] in "+-"]
-    curves = [wall_curve(leaf, name) for name in faces_of(leaf)[len(planes) :]]
+    loops = leaf.outline.loops
+    ellipses = [np.array(flatten_loop(loop, segments)) for loop in loops if isinstance(loop, Ellipse)]
+    lines = [np.array(flatten_curve(curve, segments)) for loop in loops if not isinstance(loop, Ellipse) for curve in ring_curves(loop)]
     flat = middles[:, :2] if leaf.kind == "extrude" else np.column_stack([np.hypot(middles[:, 0], middles[:, 1]), middles[:, 2]])
-    apart = np.array([_distances(flat, curve, segments) for curve in curves if curve is not None])
+    apart = np.array([_distances(flat, corners) for corners in (*lines, *(np.vstack([e, e[:1]]) for e in ellipses))])
     nearest = np.round(apart / (NEAR * longest([leaf]))).argmin(0) + len(planes)  # of walls that coincide the first
     end = np.abs(normals[:, 2]) > 0.5 if planes else np.zeros(len(middles), bool)
     return np.where(end, middles[:, 2] < 0, nearest)
 
 
-def _distances(points: np.ndarray, curve: Curve, segments: int) -> np.ndarray:
-    """How far points [n, 2] lie from the chords of a curve."""
+def flatten_curve(curve: Curve, segments: int) -> list[Point]:
+    """The corners of the chords of a curve, with both ends."""
     x, y, u, v, bulge = curve
-    corners = np.array(flatten_loop(((x, y, bulge), (u, v, 0.0)), segments))
+    return flatten_loop(((x, y, bulge), (u, v, 0.0)), segments)
+
+
+def _distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """How far points [n, 2] lie from a line through corners [k, 2]."""
     start, way = corners[:-1], np.diff(corners, axis=0)
     along = ((points[:, None] - start) * way).sum(2) / np.maximum((way**2).sum(1), 1e-300)
     return np.linalg.norm(points[:, None] - start - np.clip(along, 0, 1)[..., None] * way, axis=2).min(1)

@@ -9,6 +9,7 @@ from tests.planted import box, cut, cylinder, union
 from imdim.export.edit import open_delivered, restate, solid_of, write
 from imdim.program.codec import dumps, parse
 from imdim.program.edges import Face
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, circle, rectangle
 from imdim.program.tree import Primitive
 
@@ -39,6 +40,17 @@ def test_faces_are_called_as_edges_call_them():
     shown = rebuild.Shown.of(cut(drawn, box(10.0, 30.0, 2.0, (0.0, 0.0, 2.0))), 48)
     walls = {Face(0, f"wall[0][{k}]") for k in range(4)} | {Face(0, f"wall[1][{k}]") for k in range(2)}
     assert set(shown.faces) == walls | {Face(0, "+z"), Face(0, "-z"), Face(1, "-z"), Face(1, "+x"), Face(1, "-x")}
+
+
+def test_walls_of_ellipses_are_faces_without_edges():
+    """One alone is a solid with three faces; in a plate it is told from the plate's own walls."""
+    alone = Primitive("extrude", (5.0,), outline=Outline((Ellipse(8.0, 5.0),)))
+    faces = rebuild.Shown.of(alone, 48).faces
+    assert set(faces) == {Face(0, name) for name in ("+z", "-z", "wall[0]")}
+    plate = Primitive("extrude", (5.0,), outline=Outline((*rectangle(30.0, 20.0).loops, Ellipse(8.0, 5.0, angle=30.0))))
+    bored = rebuild.Shown.of(plate, 48).faces
+    assert set(bored) == {Face(0, name) for name in ("+z", "-z", "wall[1]", *(f"wall[0][{k}]" for k in range(4)))}
+    assert len(bored[Face(0, "wall[1]")]) == 2 * 48
 
 
 def test_all_names_of_a_folder_are_tried(tmp_path, capsys, monkeypatch):
