@@ -22,7 +22,7 @@ from imdim.reconstruction.pipeline import reconstruct
 from imdim.target.target import InputError, in_unit_frame, sample_surface, target_from
 
 
-def cloud(program, share=0.006, n=3000, outliers=0.0, seed=0):
+def cloud(program, share=0.006, n=1500, outliers=0.0, seed=0):
     rng = np.random.default_rng(seed)
     points = surface_points(program, n, rng)[0]
     points = points + rng.normal(0, share * np.linalg.norm(np.ptp(points, axis=0)), points.shape)
