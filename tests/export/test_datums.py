@@ -152,3 +152,14 @@ def test_the_points_of_equal_cones_have_no_name() -> None:
     tipped = [part for x, y in posts for part in (cylinder(2.5, 15.0, (x, y, 7.5)), cone(2.7, 0.0, 3.75, (x, y, 16.875)))]
     edited = Edited(join(box(40.0, 60.0, 4.0, (0.0, 0.0, 2.0)), *tipped))
     assert all(edited.values.values())
+
+
+def clip(reach: float = 38.0) -> Program:
+    """A ring with an ear that begins in its bore, and a hole through that, 8 from its end."""
+    ear = box(reach - 16.0, 10.0, 20.0, ((reach + 16.0) / 2, 0.0, 0.0))
+    across = cylinder(2.6, 12.0, (reach - 8.0, 0.0, 0.0), (90.0, 0.0, 0.0))
+    return cut(join(cylinder(20.0, 20.0), ear), cylinder(16.0, 22.0), across)
+
+
+def test_an_ear_whose_foot_is_hidden_in_a_ring_reaches_so_far_from_its_middle() -> None:
+    assert Edited(clip()).is_now(clip(reach=41.0), block_x=41.0)

@@ -90,11 +90,14 @@ def _carriers(
     program: Program, parts: Sequence[Primitive], sign: Sequence[int], boxes: _Boxes, slack: float, only: Mapping[tuple[int, int], End]
 ) -> Iterator[list[int]]:
     """For each leaf the added ones that its middle lies in, the smallest first; what is added is carried by what comes before it, and by
-    the pocket that it stands in. Along an axis on which nothing is seen of one end the `only` other one counts, not the middle."""
+    the pocket that it stands in. Along an axis on which nothing is seen of one end the `only` other one counts, not the middle; of what is
+    added and lies in nothing by that, it is the end that is not seen: that lies in what it sticks out of."""
     cuts, bounds = cuts_of_each(program), np.array(boxes)  # [n, 2, 3]
     volumes, middles = np.prod(bounds[:, 1] - bounds[:, 0], axis=1), bounds.mean(1)
+    buried = middles.copy()
     for (leaf, axis), end in only.items():
         middles[leaf, axis] = place_of(end, parts)
+        buried[leaf, axis] = 2 * buried[leaf, axis] - middles[leaf, axis]
     added = np.array(sign) > 0
     pockets = np.array([not a and p.kind == "box" for a, p in zip(added, parts, strict=True)])
     for leaf, middle in enumerate(middles):
@@ -102,7 +105,11 @@ def _carriers(
         stands_in = pockets & before
         stands_in[cuts[leaf]] = False
         may = (added & before) | stands_in if added[leaf] else added
-        within = np.flatnonzero(may & (bounds[:, 0] - slack <= middle).all(1) & (middle <= bounds[:, 1] + slack).all(1))
+        held = [
+            np.flatnonzero(may & (bounds[:, 0] - slack <= place).all(1) & (place <= bounds[:, 1] + slack).all(1))
+            for place in ((middle, buried[leaf]) if added[leaf] else (middle,))
+        ]
+        within = next(filter(len, held), held[0])
         yield within[np.argsort(volumes[within], kind="stable")].tolist()
 
 
