@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from imdim.geometry.edge_solids import blend_solids, with_edges
-from imdim.geometry.edges import FoundEdges, NearbyEdges, find_edges, has_room
+from imdim.geometry.edges import FoundEdges, NearbyEdges, Track, find_edges, has_room
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.edges import EdgeFeature, Face
@@ -207,3 +207,12 @@ def _are_same(one: FoundEdges, two: FoundEdges) -> bool:
     told = [[(e.feature, e.edge, e.sizes, e.goes_on) for e in found.edges] for found in (one, two)]
     ends = [np.array([e.points(2) for e in found.edges]) for found in (one, two)]
     return one.missing == two.missing and told[0] == told[1] and np.allclose(*ends, atol=1e-5)
+
+
+@pytest.mark.parametrize("radius", [0.0, 7.0])
+def test_places_around_a_track_are_those_of_each_way_alone(radius: float) -> None:
+    frame = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    track = Track(np.array([1.0, -2.0, 0.5]), frame, np.array([[1.0, 0.2], [0.0, 1.0]]), radius)
+    t, ways = np.linspace(0.1, 5.0, 17), 1e-3 * track.quadrants
+    each = [track.at(t, np.broadcast_to(way, (len(t), 2))) for way in ways]
+    assert track.around(t, ways).tobytes() == np.concatenate(each).tobytes()

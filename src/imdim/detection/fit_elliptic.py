@@ -8,7 +8,7 @@ import numpy as np
 
 from imdim.detection.facets import Growing, points_of
 from imdim.detection.fit_ellipsoid import DRAWN, lies_on
-from imdim.detection.fit_start import cross
+from imdim.geometry.rotations import cross
 from imdim.geometry.surface import Surface, make_elliptic, unit, vec
 
 ALONG, NEAR_AXIS = 0.01, 0.03  # sine, by which normals may leave the plane across an axis: one that they share, one that two of them have
@@ -91,8 +91,8 @@ def _section(points: np.ndarray, axis: np.ndarray, diagonal: float) -> np.ndarra
 
 def _across(axis: np.ndarray) -> np.ndarray:
     """Two unit vectors across an axis, as columns [3, 2]."""
-    u = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
-    return np.column_stack([u, np.cross(axis, u)])
+    u = unit(cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
+    return np.column_stack([u, cross(axis, u)])
 
 
 def _through(section: np.ndarray, axis: np.ndarray, diagonal: float) -> Surface | None:

@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 
 from imdim.detection.fit_ellipsoid import make_ellipsoid, quadric_ellipsoid
 from imdim.geometry.axes import half_sphere
+from imdim.geometry.rotations import cross
 from imdim.geometry.rows import dot_rows
 from imdim.geometry.surface import Surface
 
@@ -56,7 +57,7 @@ def revolution_axes(points: np.ndarray, normals: np.ndarray) -> list[tuple[np.nd
     found = []
     for direction in vectors.T:
         arm = -inverse @ b.T @ direction
-        found.append((np.cross(direction, arm), direction))
+        found.append((cross(direction, arm), direction))
     return found
 
 
@@ -72,12 +73,6 @@ def basis(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     u = cross(axis, _UNIT[int(np.abs(axis).argmin())])
     u /= math.sqrt(u @ u)
     return u, cross(axis, u)
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of two vectors [3]; np.cross takes most of a fit's time to sort out its axes."""
-    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def _circle(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:

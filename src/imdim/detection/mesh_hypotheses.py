@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from imdim.detection.fit_ellipsoid import lies_on, quadric_ellipsoid
 from imdim.detection.fit_elliptic import elliptic_guesses
 from imdim.detection.fit_surface import fit_surface
 from imdim.detection.mesh_support import members_of
+from imdim.geometry.rotations import cross
 from imdim.geometry.surface import Surface, vec
 
 LEAST_CORNERS = 11  # of an ellipsoid, which nine fix
@@ -43,12 +45,19 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
         for around in _rings(seed, alike, state):
             chosen = points_of(facets, around)
             if len(chosen) >= 5:
-                out.append((1.0, fit_surface("sphere", chosen)[0]))
+                out.append((1.0, _fit_freely("sphere", chosen.tobytes())))
             if len(chosen) >= LEAST_CORNERS and not lies_on(out[-1][1], chosen, facets.diagonal):
                 out += [(0.9, s) for s in (quadric_ellipsoid(chosen),) if s and lies_on(s, chosen, NEAR_CUTS * facets.diagonal)]
         if len(ring) >= 8:
-            out.append((0.95, fit_surface("torus", points, point_normals, iterations=15)[0]))
+            out.append((0.95, _fit_freely("torus", points.tobytes(), point_normals.tobytes(), 15)))
     return out
+
+
+@lru_cache(4096)  # what found nothing is tried again by the next pass, and beside edges that were put aside
+def _fit_freely(kind: str, points: bytes, facing: bytes | None = None, iterations: int = 30) -> Surface:
+    """As `fit_surface` without a start, of points and normals [n, 3] in bytes."""
+    normals = None if facing is None else np.frombuffer(facing).reshape(-1, 3)
+    return fit_surface(kind, np.frombuffer(points).reshape(-1, 3), normals, iterations=iterations)[0]
 
 
 def ring_of(seed: int, near: list[int], state: Growing, most: int) -> np.ndarray:
@@ -85,7 +94,7 @@ def _corner_normals(facets: Facets, chosen: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _cylinder_through(facets: Facets, pair: np.ndarray) -> Surface:
-    axis = np.cross(*facets.normals[pair])
+    axis = cross(*facets.normals[pair])
     axis /= np.linalg.norm(axis)
     points = points_of(facets, pair)
     flat = points - np.outer(points @ axis, axis)

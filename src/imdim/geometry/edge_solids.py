@@ -16,7 +16,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.geometry.edges import BlendedEdge, Interval, Track, find_edges, meet_faces
-from imdim.geometry.rotations import euler_from_matrix
+from imdim.geometry.rotations import cross, euler_from_matrix
 from imdim.geometry.solid import SEGMENTS, bounds_of, surface_with_owners, to_manifold
 from imdim.geometry.surface import vec
 from imdim.program.edges import EdgeFeature, EdgeKind
@@ -192,7 +192,7 @@ def _corners(swept: Sequence[BlendedEdge]) -> Iterator[BlendSolid]:
         (a, k), (b, m) = ends[i], ends[j]
         if a is b or a.feature != b.feature or a.stretch.is_convex != b.stretch.is_convex:
             continue
-        if np.linalg.norm(at[i] - at[j]) > MEET * a.size or np.linalg.norm(np.cross(a.direction(at[i]), b.direction(at[i]))) < ALIGNED:
+        if np.linalg.norm(at[i] - at[j]) > MEET * a.size or np.linalg.norm(cross(a.direction(at[i]), b.direction(at[i]))) < ALIGNED:
             continue
         one, two = (sweep_edge(s, *((GO_ON * s.size if e == end else 0.0) for e in (0, 1))) for s, end in ((a, k), (b, m)))
         yield BlendSolid(a.feature, a.edge, a.stretch.is_convex, Combine("intersection", one, two))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from imdim.geometry.faces import carrier, corners
 from imdim.geometry.kernels import inside
 from imdim.geometry.lowering import Lowered, lower
-from imdim.geometry.rotations import frame_from_axis
+from imdim.geometry.rotations import cross, frame_from_axis
 from imdim.geometry.rows import lengths
 from imdim.geometry.surface import Surface
 from imdim.program.edges import EdgeFeature, EdgeKind
@@ -60,6 +60,20 @@ class Track:
         r = self.radius + across[:, 0]
         local = np.stack([r * np.cos(t), r * np.sin(t), across[:, 1]], axis=1)
         return self.origin + local @ self.frame.T
+
+    @cached_property
+    def quadrants(self) -> np.ndarray:
+        """The ways [4, 2] in the section that lead into the QUADRANTS of the two faces."""
+        return QUADRANTS @ np.linalg.inv(self.normals).T
+
+    def around(self, t: np.ndarray, ways: np.ndarray) -> np.ndarray:
+        """Points [k n, 3] as `at` gives for lengths or angles [n] and each of some `ways` [k, 2] in turn."""
+        if not self.is_round:
+            along = self.origin + t[:, None] * self.frame[:, 2]
+            return np.concatenate([along + np.broadcast_to(way, (len(t), 2)) @ self.frame[:, :2].T for way in ways])
+        cosine, sine = np.cos(t), np.sin(t)
+        local = [np.stack([(self.radius + x) * cosine, (self.radius + x) * sine, np.full(len(t), y)], axis=1) for x, y in ways]
+        return np.concatenate([self.origin + some @ self.frame.T for some in local])
 
 
 class Interval(NamedTuple):
@@ -123,7 +137,7 @@ class BlendedEdge:
         axis = self.track.frame[:, 2]
         if not self.track.is_round:
             return axis
-        out = np.cross(axis, at - self.track.origin)
+        out = cross(axis, at - self.track.origin)
         return out / np.linalg.norm(out)
 
 
@@ -222,9 +236,8 @@ def _around_ends(edge: BlendedEdge) -> np.ndarray:
     ends = np.array([stretch.low, stretch.high])
     hair = HAIR * edge.size / (track.radius or 1.0)
     t = (ends[:, None] + np.array([-hair, hair])).ravel()
-    ways = QUADRANTS @ np.linalg.inv(track.normals).T * step
     beyond, way = _beyond(track, stretch, step)
-    return np.concatenate([*(track.at(t, np.broadcast_to(w, (len(t), 2))) for w in ways), track.at(beyond, way)])
+    return np.concatenate([track.around(t, track.quadrants * step), track.at(beyond, way)])
 
 
 def has_room(solid: Lowered, edge: BlendedEdge) -> bool:
@@ -310,9 +323,7 @@ def _clip(track: Track, stretch: Interval, ends: Sequence[np.ndarray]) -> Interv
 
 def _codes(solid: Lowered, track: Track, t: np.ndarray, step: float) -> np.ndarray:
     """For each place [n] of a track: q + 1 where quadrant q alone is material, -q - 1 where it alone is air, else 0."""
-    ways = QUADRANTS @ np.linalg.inv(track.normals).T * step
-    where = np.concatenate([track.at(t, np.broadcast_to(way, (len(t), 2))) for way in ways])
-    held = inside(solid, where).reshape(4, len(t))
+    held = inside(solid, track.around(t, track.quadrants * step)).reshape(4, len(t))
     count = held.sum(0)
     return np.where(count == 1, held.argmax(0) + 1, np.where(count == 3, -held.argmin(0) - 1, 0))
 
@@ -373,7 +384,7 @@ def _tracks(one: Surface, two: Surface, slack: float) -> Iterator[Track]:
     """The lines or circles in which two carriers meet under an angle that does not change along them."""
     if one.kind == two.kind == "plane":
         a, b = np.asarray(one.axis), np.asarray(two.axis)
-        along = np.cross(a, b)
+        along = cross(a, b)
         if np.linalg.norm(along) < PARALLEL:
             return
         along /= np.linalg.norm(along)
@@ -401,12 +412,12 @@ def _profile(surface: Surface, origin: np.ndarray, axis: np.ndarray, slack: floa
     """The line n . (r, z) = d that a carrier shows in a half plane beside an axis, None where it is not turned about that."""
     own = np.asarray(surface.axis)
     away = np.asarray(surface.point) - origin
-    if np.linalg.norm(np.cross(own, axis)) > PARALLEL:
+    if np.linalg.norm(cross(own, axis)) > PARALLEL:
         return None
     way = math.copysign(1.0, float(own @ axis))
     if surface.kind == "plane":
         return np.array([0.0, 1.0]), float(away @ axis)
-    if np.linalg.norm(np.cross(away, axis)) > slack:
+    if np.linalg.norm(cross(away, axis)) > slack:
         return None
     if surface.kind == "cylinder":
         return np.array([1.0, 0.0]), surface.sizes[0]

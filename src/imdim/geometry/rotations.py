@@ -38,26 +38,32 @@ def euler_from_matrix(rotation: np.ndarray) -> Vec3:
     return (math.degrees(rx), math.degrees(math.asin(sy)), math.degrees(rz))
 
 
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of two vectors [3]; np.cross takes most of its time to sort out its axes."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def frame_from_axis(axis: np.ndarray) -> np.ndarray:
     """A rotation [3, 3] whose third column is the unit vector `axis`; identity for +z."""
     z = np.asarray(axis, float) / np.linalg.norm(axis)
     seed = np.eye(3)[0] if abs(z[0]) < 0.9 else np.eye(3)[1]
     x = seed - seed @ z * z
     x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=1)
+    return np.stack([x, cross(z, x), z], axis=1)
 
 
 def turn_about(axis: np.ndarray, angle: float) -> np.ndarray:
     """The rotation [3, 3] by an angle in radians about a unit vector (Rodrigues)."""
-    cross = skew(axis)
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    turned = skew(axis)
+    return np.eye(3) + math.sin(angle) * turned + (1 - math.cos(angle)) * turned @ turned
 
 
 def shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The smallest rotation [3, 3] that takes the unit vector `a` to `b`, which must not be opposite."""
-    cross = np.cross(a, b)
-    sine = float(np.linalg.norm(cross))
-    return np.eye(3) if sine == 0 else turn_about(cross / sine, math.atan2(sine, float(a @ b)))
+    normal = cross(a, b)
+    sine = float(np.linalg.norm(normal))
+    return np.eye(3) if sine == 0 else turn_about(normal / sine, math.atan2(sine, float(a @ b)))
 
 
 def skew(vectors: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.geometry.rotations import cross
 from imdim.geometry.rows import dot_rows, lengths
 from imdim.program.tree import Vec3
 
@@ -47,7 +48,7 @@ class Surface:
     def frame(self) -> np.ndarray:
         """The rotation [3, 3] whose columns are the semi-axes, the third the axis of an elliptic cylinder."""
         x, z = np.asarray(self.across), np.asarray(self.axis)
-        return np.stack([x, np.cross(z, x), z], axis=1)
+        return np.stack([x, cross(z, x), z], axis=1)
 
     @property
     def semi_axes(self) -> np.ndarray:
