@@ -6,7 +6,7 @@ one more or one less, an angle is held within a full turn, and what is 0 is left
 - refused, where `imdim edit` would say so in a line;
 - valid, where it is not refused and `--strict` would let it pass: as many bodies, through-holes and voids as before, and no edge lost;
 - right, where it is valid and the solid shows the faces that it showed: none comes up, such as the hidden end of a cutter, and none is
-  gone. Where they all stay, only those move whose numbers depend on the name.
+  gone, but for walls of polygons that have another number of sides. Where they all stay, only those move whose numbers depend on the name.
 
 Of a part with more than `--most` names those are taken that are spread evenly over its list. The last lines name the parts with the most
 edits that are not right, with one reason for each.
@@ -153,9 +153,11 @@ class Shown(NamedTuple):
         return Shown(parts, faces)
 
     def without(self, other: Shown) -> list[Face]:
-        """The faces that another solid of the same primitives does not show, but for those where a primitive that it shows has one too."""
-        known = {face.leaf for face in other.faces}
-        return [face for face, at in self.faces.items() if face not in other.faces and not self._is_shared(face, at, known)]
+        """The faces that another solid of the same primitives has and does not show, but for those where a primitive that it shows has one
+        too: a polygon with more sides has more walls."""
+        known, has = {face.leaf for face in other.faces}, [set(all_faces(leaf)) for leaf in other.parts]
+        hidden = [(face, at) for face, at in self.faces.items() if face not in other.faces and face.name in has[face.leaf]]
+        return [face for face, at in hidden if not self._is_shared(face, at, known)]
 
     def _is_shared(self, face: Face, at: np.ndarray, known: set[int]) -> bool:
         near = CHORDS * longest(self.parts)

@@ -1,10 +1,15 @@
 """What a tenth more would run into is measured from that: holes near edges and each other, windows, faces that miss a plane."""
 
+import math
+
 import pytest
 from tests.export.test_outlines import opened
 
-from imdim.export.edit import change_values, solid_of
+from imdim.export.edit import change_values, open_delivered, solid_of
 from imdim.geometry.census import census_of
+from imdim.geometry.solid import bounds_of
+from imdim.program.codec import dumps, parse
+from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.outline import Outline, circle, rectangle
 from imdim.program.tree import Combine, Primitive, leaves
 
@@ -13,6 +18,11 @@ RIM = ((-4.0, -10.0, 0.0), (4.0, -10.0, 0.0), (4.0, 10.0, 0.0), (0.0, 14.0, 0.0)
 
 def _plate(*loops, thickness=3.0):
     return Primitive("extrude", (thickness,), outline=Outline(loops))
+
+
+def _read(program, *constraints):
+    """As `imdim edit` reads a program that is delivered already."""
+    return open_delivered(parse(dumps(program, None, constraints)), {})
 
 
 def _bounds(loop):
@@ -93,3 +103,55 @@ def test_what_lies_in_the_top_of_a_plate_stays_there():
     part = opened(Combine("difference", plate, Primitive("torus", (6.0, 2.0), (10.0, 0.0, 12.0))))
     thicker, groove = leaves(change_values(part, {"plate_thickness": 15.0}).program)
     assert groove.center[2] == pytest.approx(thicker.center[2] + 7.5)
+
+
+def test_a_hole_that_all_but_fills_a_plate_leaves_a_wall():
+    """A hole of 38 in a plate of 40: nobody measures that to its centre."""
+    part = opened(_plate(rectangle(40.0, 40.0).loops[0], circle(19.0)))
+    assert part.values["plate_wall_thickness"] == pytest.approx(1.0)
+    assert part.values["plate_hole_diameter"] == 38.0
+    for name, value in part.values.items():
+        for factor in (0.9, 1.1):
+            assert census_of(solid_of(change_values(part, {name: factor * value}))).kind == (1, 1, 0), name
+
+
+def test_an_arc_that_bites_into_an_edge_stays_in_reach_of_it():
+    """It does so by a twentieth of a millimetre: a tenth of any distance would part them."""
+    side, half = 3.25, (3.3**2 - 3.25**2) ** 0.5
+    rim = ((-30.0, -15.0, 0.0), (30.0, -15.0, 0.0), (30.0, -half, -math.tan(math.asin(half / 3.3) / 2)), (30.0, half, 0.0))
+    part = opened(_plate((*rim, (30.0, 15.0, 0.0), (-30.0, 15.0, 0.0))))
+    radius = next(name for name, value in part.values.items() if value == pytest.approx(3.3))
+    for name, value in part.values.items():
+        for factor in (0.9, 1.1):
+            (edited,) = leaves(change_values(part, {name: factor * value}).program)
+            if name != radius:
+                chord = edited.outline.loops[0][3][1] - edited.outline.loops[0][2][1]
+                assert (3.3**2 - chord**2 / 4) ** 0.5 == pytest.approx(side, abs=1e-3), name
+
+
+def test_what_an_outline_cuts_off_is_cut_off_still_when_that_grows():
+    """A block and the outline that clips it, out of which it sticks by a fortieth of a millimetre."""
+    block = Primitive("box", (40.0, 30.0, 20.05), (0.0, 0.0, 10.0))
+    rim = ((-10.0, -30.0, 0.0), (10.0, -30.0, 0.0), (10.0, 12.0, 0.0), (7.0, 15.0, 0.0), (-10.0, 15.0, 0.0))
+    clip = Primitive("extrude", (38.0,), (0.0, 0.0, 10.0), (0.0, -90.0, -90.0), Outline((rim,)))
+    part = _read(Combine("intersection", block, clip))
+    (name,) = (name for name, value in part.values.items() if value == pytest.approx(20.0))
+    for value in (18.0, 22.0):
+        low, high = bounds_of(solid_of(change_values(part, {name: value})))
+        assert high[2] - low[2] == pytest.approx(value)
+
+
+def test_what_follows_by_a_quarter_follows():
+    """Two holes from both ends of a disc with a web between them: each ends at half of that, however thick the disc is."""
+    disc = Primitive("cylinder", (30.0, 40.0))
+    lower, upper = (Primitive("cylinder", (20.0, 29.5), (0.0, 0.0, side * 15.75)) for side in (-1, 1))
+    mirrored = Constraint("symmetric", (Ref(1), Ref(2), Ref(0)), Ref(WORLD, "z"))
+    flush = Constraint("coplanar", (Ref(0, "+z"), Ref(2, "+z")), None, 10.5)
+    part = _read(Combine("difference", Combine("difference", disc, lower), upper), mirrored, flush)
+    web = next(name for name, value in part.values.items() if value == pytest.approx(2.0))
+    for name, value in part.values.items():
+        changed = change_values(part, {name: 1.1 * value})
+        low, high = (
+            leaf.center[2] - side * leaf.size[1] / 2 for leaf, side in zip(list(leaves(changed.program))[1:], (-1, 1), strict=True)
+        )
+        assert high - low == pytest.approx(changed.values[web]), name

@@ -240,3 +240,27 @@ def test_a_flat_arc_is_where_its_apex_is():
     (flatter,) = leaves(change_values(part, {names["arc_radius"]: 200.0}).program)
     assert flatter.outline.bounds[1][1] + flatter.center[1] == pytest.approx(12.0)
     assert flatter.outline.loops[0][2][1] + flatter.center[1] == pytest.approx(sqrt(200.0**2 - 10.0**2) - 188.0)
+
+
+def test_a_pocket_for_a_nut_stays_about_its_hole():
+    holes = [circle(1.7, x, y) for x in (-16.0, 16.0) for y in (-16.0, 16.0)]
+    corners = [(3.35 * np.cos(k * np.pi / 3), 3.35 * np.sin(k * np.pi / 3)) for k in range(6)]
+    nuts = [tuple((x + u, y + v, 0.0) for u, v in corners) for x in (-16.0, 16.0) for y in (-16.0, 16.0)]
+    plate = Primitive("extrude", (8.0,), (0.0, 0.0, 4.0), outline=Outline((rounded(60.0, 60.0, 4.0), *holes)))
+    pocket = Primitive("extrude", (3.0,), (0.0, 0.0, 1.0), outline=Outline(tuple(nuts)))
+    part = opened(Combine("difference", plate, pocket))
+    drilled, cut = leaves(change_values(part, {"plate_hole_spacing_x": 36.0}).program)
+    places = [np.mean([v[0] for v in loop]) for leaf in (drilled, cut) for loop in leaf.outline.loops[-4:]]
+    assert np.abs(places) == pytest.approx([18.0] * 8)
+
+
+def test_a_turned_bore_is_as_wide_as_the_hole_that_goes_on_from_it():
+    block = Primitive("box", (40.0, 20.0, 20.0))
+    rim = ((0.0, -4.0, 0.0), (6.0, -4.0, 0.0), (6.0, 0.0, 0.0), (3.0, 3.0, 0.0), (3.0, 8.0, 0.0), (0.0, 8.0, 0.0))
+    turned = Primitive("revolve", (360.0,), (-14.0, 0.0, 0.0), (0.0, 90.0, 0.0), Outline((rim,)))
+    drawn = Primitive("extrude", (20.0,), (2.0, 0.0, 0.0), (0.0, 90.0, 0.0), Outline((circle(3.0), circle(1.0, 0.0, 7.0))))
+    part = opened(Combine("difference", Combine("difference", block, turned), drawn))
+    (name,) = (name for name, value in part.values.items() if value == pytest.approx(6.0) and "diameter" in name)
+    _, bore, hole = leaves(change_values(part, {name: 6.6}).program)
+    assert bore.outline.loops[0][4][0] == pytest.approx(3.3)
+    assert hole.outline.bounds[0][1] == pytest.approx(-3.3)

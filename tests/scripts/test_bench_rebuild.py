@@ -1,5 +1,6 @@
 """What the bench of edits calls refused, invalid, other faces and right, on programs where that is known."""
 
+import math
 import sys
 from pathlib import Path
 
@@ -33,6 +34,16 @@ def test_edits_are_told_by_what_they_do(name, value, kind, reason):
     before = restate(open_delivered(parse(dumps(PLATE)), {}))
     found = rebuild.judge(before, solid_of(before), rebuild.Shown.of(before.program, before.segments), name, value)
     assert (found[0], reason in found[1]) == (kind, True), found
+
+
+@pytest.mark.parametrize("sides", [5.0, 7.0])
+def test_a_polygon_has_as_many_walls_as_sides(sides):
+    rim = tuple((10 * math.cos(k * math.pi / 3), 10 * math.sin(k * math.pi / 3), 0.0) for k in range(6))
+    nut = cut(Primitive("extrude", (5.0,), outline=Outline((rim,))), cylinder(4.0, 8.0))
+    before = restate(open_delivered(parse(dumps(nut)), {}))
+    name = next(name for name in before.values if name.endswith("sides"))
+    found = rebuild.judge(before, solid_of(before), rebuild.Shown.of(before.program, before.segments), name, sides)
+    assert found == ("right", "")
 
 
 def test_faces_are_called_as_edges_call_them():

@@ -8,12 +8,12 @@ earlier, as far as nothing else says where it is.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from imdim.export.followers import rank_followers
+from imdim.export.followers import GAP, WALL, rank_followers
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.reduction import Reduced
 from imdim.export.seen import find_unseen
@@ -82,20 +82,47 @@ class _Solution(NamedTuple):
 def _keep_apart(system: LinearSystem, program: Program, found: _Spans, hazard: Hazard, before: _Solution) -> _Solution | None:
     """The solution with an equation by which a pair stays apart, if it is safer than that `before`; else the system stays as it is."""
     known = len(system.start)
-    first, second, row = found.keep_apart(hazard)
-    reduced = before.reduced.add([row], len(system.start))
+    for equation in found.keep_apart(hazard):
+        after = _add_equation(system, program, found, hazard, before, equation)
+        if after is not None:
+            return after
+        del system.start[known:], system.extras[known - system.extra :]
+    return None
+
+
+def _add_equation(
+    system: LinearSystem, program: Program, found: _Spans, hazard: Hazard, before: _Solution, equation: _Distance
+) -> _Solution | None:
+    """The solution with a distance that stays, if something plain may follow from it and it is safer than that `before`."""
+    first, second = found.leaves_of(hazard)
+    reduced = before.reduced.add([equation.with_name(system, second)], len(system.start))
     left = reduced.matrix[-1]
     ranked = rank_followers(system, np.flatnonzero(left).tolist(), second, first, hazard.variable)
     follower = next((v for v in ranked if system.is_plain(left / left[v])), None)
-    if follower is not None:
-        reduced.solve_for(follower, len(reduced.matrix) - 1)
-        solved = system.solve(reduced)
-        unseen = find_unseen(system, solved, program)
-        after = _Solution(solved, unseen, found.find_hazards(solved, unseen), reduced)
-        if after.is_safer(before):
-            return after
-    del system.start[known:], system.extras[known - system.extra :]
-    return None
+    if follower is None:
+        return None
+    reduced.solve_for(follower, len(reduced.matrix) - 1)
+    solved = system.solve(reduced)
+    unseen = find_unseen(system, solved, program)
+    after = _Solution(solved, unseen, found.find_hazards(solved, unseen), reduced)
+    return after if after.is_safer(before) else None
+
+
+class _Distance(NamedTuple):
+    """What is a row of variables is `value`, which has a name where it is no hair."""
+
+    row: Row
+    value: float
+    word: str
+
+    def with_name(self, system: LinearSystem, leaf: int) -> Row:
+        """The equation; its name is one of a leaf, whose walls that are as thick share it."""
+        if abs(self.value) <= UNNAMED * system.length:
+            return self.row
+        alike = (v for v, said in enumerate(system.extras, system.extra) if said == (leaf, WALL) and self.word == WALL)
+        same = (v for v in alike if abs(system.start[v] - abs(self.value)) <= SLACK * system.length)
+        name = next(same, None) or system.new(leaf, self.word, abs(self.value))
+        return sum_rows((self.row, 1.0), ({name: 1.0}, -1.0 if self.value > 0 else 1.0))
 
 
 class _Spans:
@@ -107,6 +134,8 @@ class _Spans:
         self._boxes = np.array([(s.low, s.high) for s in spans])  # [n, 2, 3]
         self._ends = self._boxes[np.arange(len(spans)), :, self._axes]  # [n, 2]
         self._slack = SLACK * system.length
+        groups = {only: number for number, only in enumerate(dict.fromkeys(s.only for s in spans))}
+        self._groups = np.array([groups[s.only] for s in spans])
         flat = self._ends[:, 1] - self._ends[:, 0] <= self._slack
         self._pairs = [(near, flat[near] & flat[j]) for j, near in enumerate(map(self._near, range(len(spans))))]
 
@@ -142,11 +171,17 @@ class _Spans:
         across = [a for a in range(3) if a != self._axes[j]]
         shared = np.minimum(self._boxes[:j, 1], self._boxes[j, 1]) - np.maximum(self._boxes[:j, 0], self._boxes[j, 0])
         same = self._leaves[:j] == self._leaves[j]
+        along = (self._axes[:j] == self._axes[j]) & (self._groups[:j] == self._groups[j])
         meet = np.where(same[:, None], shared >= -self._slack, shared > self._slack)
-        return np.flatnonzero((self._axes[:j] == self._axes[j]) & meet[:, across].all(1))
+        return np.flatnonzero(along & meet[:, across].all(1))
 
-    def keep_apart(self, h: Hazard) -> tuple[int, int, Row]:
-        """The leaves of both, and the equation by which the second is so far from the first, which has a name where it is no hair."""
+    def leaves_of(self, h: Hazard) -> tuple[int, int]:
+        """The leaves of both."""
+        return self._spans[h.first].leaf, self._spans[h.second].leaf
+
+    def keep_apart(self, h: Hazard) -> Iterator[_Distance]:
+        """Distances by which the second stays so far from the first: those that a person would measure, and else what is between them,
+        where a tenth of the former is more."""
         one, two = self._spans[h.first], self._spans[h.second]
         up = h.gap > 0 or (h.gap == 0 and self._ends[h.second, 0] >= self._ends[h.first, 1])
         (at, row), (other, its) = two.datums[0 if up else 1], one.datums[1 if up else 0]
@@ -155,7 +190,7 @@ class _Spans:
             at, row = two.middle
         if one.middle is not None and abs(one.middle[0] - at) < abs(at - other):
             other, its = one.middle
-        gap, equation = at - other, sum_rows((row, 1.0), (its, -1.0))
-        if abs(gap) > UNNAMED * self._system.length:
-            equation = sum_rows((equation, 1.0), ({self._system.new(two.leaf, "gap", abs(gap)): 1.0}, -1.0 if gap > 0 else 1.0))
-        return one.leaf, two.leaf, equation
+        yield _Distance(sum_rows((row, 1.0), (its, -1.0)), at - other, GAP)
+        if TENTH * abs(at - other) >= abs(h.gap):
+            sides = two.sides[0 if up else 1], one.sides[1 if up else 0]
+            yield _Distance(sum_rows((sides[0], 1.0), (sides[1], -1.0)), h.gap, WALL)

@@ -16,9 +16,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from imdim.export.chance import rest_on_faces
+from imdim.export.clip_seats import seats_at_clips
 from imdim.export.contacts import find_contacts, find_own_numbers
 from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
+from imdim.export.outline_joints import sum_rows
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.own_directions import find_own_directions
 from imdim.export.reduction import ZERO, Reduced
@@ -48,7 +50,8 @@ class LinearSystem:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
     `ties` are such for the numbers of one leaf, that are to bind no others, `contacts` such that may settle a line of its drawing,
-    `places` such for the coordinates of its centre alone, or, if they say so, for the spacing of the row or grid that begins with it.
+    `places` such for the coordinates of its centre alone, or, if they say so, for the spacing of the row or grid that begins with it, and
+    `reaches` such for its sizes, once its place is known.
     `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
     turned ones whose centre is at half of it. `angles` are variables in degrees, `on_circles` the places of what stands on a circle.
     """
@@ -60,6 +63,7 @@ class LinearSystem:
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     contacts: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     places: list[tuple[int, dict[int, float], bool]] = field(default_factory=list)
+    reaches: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     extras: list[tuple[int, str]] = field(default_factory=list)
     drawn: dict[int, Drawn] = field(default_factory=dict)
     walls: list[FlatWall] = field(default_factory=list)
@@ -116,6 +120,12 @@ class LinearSystem:
                 for v, factor in wall.row.items():
                     row[v] = row.get(v, 0.0) - factor
                 system._add_seat(own.leaf, row, word)
+                seated.add((own.leaf, own.axis, own.side))
+        for own, face in seats_at_clips(system, program, hidden):
+            if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
+                # where the other end is seen that says where the leaf is, and this one how large
+                of = system.ties if (own.leaf, own.axis, -own.side) in hidden else system.reaches
+                of.append((own.leaf, sum_rows((system.place_of_end(own), 1.0), (dict(face.row), -1.0))))
         # both about their middles, so that neither end of the cut falls behind
         system.ties += [(cut, {6 * cut + c: 1.0, 6 * leaf + d: -1.0}) for (cut, c), (leaf, d) in pass_aslant(program)]
         system.contacts = list(find_contacts(system, program, SeenPlanes(whole, HAIR))) if system.walls else []
@@ -140,16 +150,20 @@ class LinearSystem:
         return reduced
 
     def solve(self, reduced: Reduced | None = None) -> dict[int, dict[int, float]]:
-        """Each number that follows from others, with their coefficients; a constant makes up the rest. Those are wholes and halves, but
-        for places on a circle; what would follow by others stays a number. The equations are by default those of `reduce`."""
-        whole = (self.reduce() if reduced is None else reduced).add([row for _, row, _ in self.places], len(self.start))
+        """Each number that follows from others, with their coefficients; a constant makes up the rest. Those are wholes, halves and
+        quarters, but for places on a circle; what would follow by others stays a number. The equations are by default those of
+        `reduce`."""
+        late = [*(row for _, row, _ in self.places), *(row for _, row in self.reaches)]
+        whole = (self.reduce() if reduced is None else reduced).add(late, len(self.start))
         spacings = [v for v in self._order() if self._is_spacing(v)]
         firsts = {self.leaf_of(v) for v in spacings}
-        for i, (leaf, _, with_spacing) in enumerate(self.places, start=len(whole.matrix) - len(self.places)):
+        for i, (leaf, _, with_spacing) in enumerate(self.places, start=len(whole.matrix) - len(late)):
             among = [*(6 * leaf + 5 - k for k in range(3)), *(spacings if with_spacing and leaf in firsts else [])]
             self._solve_for_first(whole, i, among)
+        for i, (leaf, _) in enumerate(self.reaches, start=len(whole.matrix) - len(self.reaches)):
+            self._solve_for_first(whole, i, range(6 * leaf, 6 * leaf + 3))
         rows = whole.read()
-        return {v: row for v, row in rows.items() if all(_is_plain(c) or self._is_circle(w) for w, c in row.items())}
+        return {v: row for v, row in rows.items() if all(_is_plain(2 * c) or self._is_circle(w) for w, c in row.items())}
 
     def is_plain(self, row: np.ndarray) -> bool:
         """Whether the coefficients [n] of an equation are wholes and halves, but for places on a circle."""
@@ -194,9 +208,13 @@ class LinearSystem:
 
     def _order(self) -> list[int]:
         """Variables in the order in which they are eliminated: what a person would measure last."""
-        # of diameters that are equal the first stays
-        extra = sorted(range(self.extra, len(self.start)), key=lambda v: (self.rank(v), -v if self.rank(v) == _RANKS["diameter"] else v))
+        # of diameters that are equal the first stays, and of spacings of holes
+        extra = sorted(range(self.extra, len(self.start)), key=lambda v: (self.rank(v), -v if self._is_shared(v) else v))
         return [*sorted(range(self.extra), key=lambda v: (v % 6 < 3, -v)), *extra]
+
+    def _is_shared(self, v: int) -> bool:
+        """Whether a further variable is one that later leaves are equal to."""
+        return self.rank(v) == _RANKS["diameter"] or self.extras[v - self.extra][1].startswith("hole_spacing")
 
     def leaf_of(self, v: int) -> int:
         """The leaf that a variable belongs to."""

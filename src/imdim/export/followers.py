@@ -15,6 +15,7 @@ from imdim.export.contacts import ROUND
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
+GAP, WALL = "gap", "wall_thickness"  # words of a distance between what is measured to, and of what is left between faces
 PLACE, END, LINE, EXTENT = range(4)
 EXTENTS = frozenset(("length", "width", "height", "spacing", "thickness", "circle"))  # words of sizes
 ENDS = frozenset(("depth", "from", "floor", "x", "y", "z"))  # first words of where an end or a middle is
@@ -43,8 +44,9 @@ def _kind_of(system: LinearSystem, v: int) -> int | None:
     is round."""
     if v < system.extra:
         return EXTENT if v % 6 < 3 else PLACE
-    words = system.extras[v - system.extra][1].split("_")
-    if not ROUND.isdisjoint(words):
+    word = system.extras[v - system.extra][1]
+    words = word.split("_")
+    if word == WALL or not ROUND.isdisjoint(words):
         return None
     if not EXTENTS.isdisjoint(words):
         return EXTENT

@@ -22,7 +22,7 @@ from imdim.export.drawn_vertex import (
 )
 from imdim.export.outline_dimensions import ROUNDS, OutlineDimensions, side_of
 from imdim.export.outline_joints import HALF, DrawnArc, DrawnLine, Joint, Row, X, Y, sum_rows
-from imdim.export.outline_walls import RoundWall, bind_coaxial, find_flat_walls
+from imdim.export.outline_walls import NO_RADIUS, RoundWall, bind_coaxial, find_flat_walls
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
 from imdim.program.ellipse import Ellipse
@@ -65,7 +65,7 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
             dimensions = OutlineDimensions(system, leaf, part, sign[leaf] < 0)
             sums = _VertexSums(dimensions)
             drawn[leaf] = sums.vertices()
-            circles += sums.circles_in_space()
+            circles += [*sums.circles_in_space(), *sums.turned_walls()]
             system.walls += find_flat_walls(leaf, part, dimensions.joints, dimensions.row_of_line)
         elif part.outline == parts[source].outline:
             drawn[leaf] = drawn[source]
@@ -256,17 +256,28 @@ class _VertexSums:
         return sum_rows((self.of.name_radius("hole_diameter" if self.of.joints.holes[i] else "diameter", 2 * found[2]), 0.5))
 
     def circles_in_space(self) -> Iterator[RoundWall]:
-        """The circles of an extrusion along the world's axes, and its arcs that have a centre."""
+        """The circles of an extrusion along the world's axes, its arcs that have a centre, and the middles of regular polygons."""
         if self.of.part.kind != "extrude" or not is_level(self.of.part):
             return
         turn = [[round(c) for c in row] for row in matrix_from_euler(self.of.part.rotation).tolist()]
         axis = next(a for a in range(3) if turn[a][2])
-        for center, own, radius, size in (*self._circles(), *self._arcs()):
+        for center, own, radius, size in (*self._circles(), *self._arcs(), *self._polygons()):
             places, rows = [0.0, 0.0, 0.0], list[Row]([{}, {}, {}])
             for a in range(3):
                 places[a] = self.of.part.center[a] + turn[a][0] * center[0] + turn[a][1] * center[1]
                 rows[a] = sum_rows(({6 * self.of.leaf + 3 + a: 1.0}, 1.0), (own[0], turn[a][0]), (own[1], turn[a][1]))
             yield RoundWall(self.of.leaf, axis, places, rows, radius, size)
+
+    def turned_walls(self) -> Iterator[RoundWall]:
+        """The round walls along the axis of what is turned about one of the world's."""
+        part, leaf = self.of.part, self.of.leaf
+        if part.kind != "revolve" or not is_level(part):
+            return
+        axis = next(a for a, row in enumerate(matrix_from_euler(part.rotation)) if abs(row[2]) > HALF)
+        rows = [{6 * leaf + 3 + a: 1.0} for a in range(3)]
+        lines = {line.place: line for line in self.of.joints.lines() if line.across == X and line.place > self.of.slack}
+        for line in lines.values():
+            yield RoundWall(leaf, axis, part.center, rows, line.place, self.of.row_of_line(line.inner, X, line.place))
 
     def _circles(self) -> Iterator[tuple[Point, Sequence[Row], float, Row]]:
         """Centre and radius of each circle, in numbers and in variables."""
@@ -274,6 +285,11 @@ class _VertexSums:
             if found := circle_of(loop):
                 x, y, radius = found
                 yield (x, y), [self.of.find_place("center", k, found[k]) for k in (X, Y)], radius, self._circle_size(i)
+
+    def _polygons(self) -> Iterator[tuple[Point, Sequence[Row], float, Row]]:
+        """Of each regular polygon its centre, and no radius: a pocket for a nut lies about its hole, and is as large as the nut."""
+        for center in (regular.center for regular in self.of.joints.regular if regular):
+            yield center, [self.of.find_place("center", k, center[k]) for k in (X, Y)], NO_RADIUS, {}
 
     def _arcs(self) -> Iterator[tuple[Point, Sequence[Row], float, Row]]:
         """Of each arc that has a centre that and its radius, as of circles."""

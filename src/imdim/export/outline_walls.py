@@ -21,12 +21,13 @@ from imdim.program.tree import Primitive
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
+NO_RADIUS = -1.0  # of what has an axis alone
 EXACT = 1e-7  # of the largest size, within which written numbers touch
 
 
 @dataclass
 class RoundWall:
-    """A round wall along a world axis: the places of its axis, what they are the sum of, and its radius."""
+    """A round wall along a world axis: the places of its axis, what they are the sum of, and its radius, if it has one."""
 
     leaf: int
     axis: int
@@ -47,7 +48,7 @@ def bind_coaxial(system: LinearSystem, circles: Sequence[RoundWall], parts: Sequ
                 continue
             if other.leaf != circle.leaf:
                 yield from (sum_rows((circle.rows[a], 1.0), (other.rows[a], -1.0)) for a in across)
-                if abs(circle.radius - other.radius) <= slack:
+                if circle.radius != NO_RADIUS and abs(circle.radius - other.radius) <= slack:
                     yield sum_rows((circle.size, 1.0), (other.size, -1.0))
 
 
@@ -59,7 +60,7 @@ def _round_walls(leaf: int, p: Primitive) -> Iterator[RoundWall]:
     axis = next((a for a in range(3) if abs(direction[a]) > 1 - 1e-12), None)
     rows: list[Row] = [{6 * leaf + 3 + a: 1.0} for a in range(3)]
     if p.kind == "revolve" and axis is not None:
-        yield RoundWall(leaf, axis, p.center, rows, -1.0, {})
+        yield RoundWall(leaf, axis, p.center, rows, NO_RADIUS, {})
         return
     for column in range(len(p.size) - 1 if axis is not None else 0):
         yield RoundWall(leaf, axis or 0, p.center, rows, p.size[column], {6 * leaf + column: 1.0})

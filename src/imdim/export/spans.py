@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -29,7 +30,7 @@ ROUND = ("cylinder", "cone")
 class Span(NamedTuple):
     """What fills a box `low` [3] to `high` [3], as seen along an `axis`: of its low and its high side the rows that say where it is, and
     where that is which a person would measure to, with its row: of a circle its centre. Of an end of a leaf the `middle` between both is
-    another such place."""
+    another such place. One that is `only` beside those that say the same is looked at with these alone."""
 
     leaf: int
     axis: int
@@ -38,6 +39,7 @@ class Span(NamedTuple):
     sides: tuple[Row, Row]
     datums: tuple[tuple[float, Row], tuple[float, Row]]
     middle: tuple[float, Row] | None = None
+    only: tuple[int, ...] = ()
 
 
 def list_spans(system: LinearSystem, program: Program) -> Iterator[Span]:
@@ -68,7 +70,7 @@ def _list_whole(system: LinearSystem, program: Program) -> Iterator[Span]:
         for i, (loop, ring) in enumerate(zip(loops, system.drawn[leaf] if loops else (), strict=True)):
             if drawing is not None and not isinstance(loop, Ellipse) and isinstance(ring, tuple):
                 seen_curves = [(leaf, i, k) not in hidden for k in range(len(loop))]
-                yield from drawing.spans_of_loop(loop, ring, seen_curves)
+                yield from drawing.spans_of_loop(i, loop, ring, seen_curves)
 
 
 def _list_round_spans(system: LinearSystem, program: Program) -> Iterator[Span]:
@@ -104,8 +106,8 @@ class LevelDrawing(NamedTuple):
             return None
         return LevelDrawing(leaf, part, turn, reach_of(part, turn), (axes[0], axes[1]))
 
-    def spans_of_loop(self, loop: Ring, ring: tuple[DrawnVertex[Sum], ...], seen: Sequence[bool]) -> Iterator[Span]:
-        """Of a circle, or of those curves that are seen and are no lines along the axes."""
+    def spans_of_loop(self, i: int, loop: Ring, ring: tuple[DrawnVertex[Sum], ...], seen: Sequence[bool]) -> Iterator[Span]:
+        """Of a circle, or of those curves that are seen and are no lines along the axes, and of where arcs cross lines; it is loop `i`."""
         curves = ring_curves(loop)
         if circle_of(loop):
             yield from self.spans_of_circle(curves, ring)
@@ -113,6 +115,9 @@ class LevelDrawing(NamedTuple):
         for k, (x, y, u, v, bulge) in enumerate(curves):
             if seen[k] and (bulge or (x != u and y != v)):
                 yield from self.spans_of_curve(curves[k], ring[k], ring[(k + 1) % len(ring)])
+        for k, vertex in enumerate(ring):
+            if vertex.reach is not None:
+                yield from self.spans_of_crossing(vertex, (self.leaf, i, k))
 
     def spans_of_circle(self, curves: list[Curve], ring: tuple[DrawnVertex[Sum], ...]) -> Iterator[Span]:
         """Of a circle, which is measured to its centre."""
@@ -133,6 +138,24 @@ class LevelDrawing(NamedTuple):
             numbers = sorted(((v.x, v.y)[k] for v in (start, end)), key=lambda n: n.value * self.turn[axis, k])
             rows = self._row(k, numbers[0]), self._row(k, numbers[1])
             yield Span(self.leaf, axis, low, high, rows, ((float(low[axis]), rows[0]), (float(high[axis]), rows[1])))
+
+    def spans_of_crossing(self, vertex: DrawnVertex[Sum], only: tuple[int, ...]) -> Iterator[Span]:
+        """Of a line that an arc crosses and of the arc's circle where that reaches furthest beyond the line: there is no crossing further
+        out."""
+        assert vertex.reach is not None
+        k, radius, off = 1 - vertex.reach.axis, vertex.reach.radius, vertex.reach.off
+        side, line, axis = math.copysign(1.0, off.value), (vertex.x, vertex.y)[k], self.axes[k]
+        centre = Sum(sum_rows((line.row, 1.0), (off.row, -1.0)), line.value - off.value)
+        furthest = Sum(sum_rows((centre.row, 1.0), (radius.row, side)), centre.value + side * radius.value)
+        for number, datum in ((line, line), (furthest, centre)):
+            low, high = (corner.copy() for corner in self.box)
+            low[axis] = high[axis] = self._place(k, number)
+            at, row = (self._place(k, datum), self._row(k, datum)), self._row(k, number)
+            yield Span(self.leaf, axis, low, high, (row, row), (at, at), only=only)
+
+    def _place(self, k: int, number: Sum) -> float:
+        axis = self.axes[k]
+        return float(self.part.center[axis]) + float(self.turn[axis, k]) * number.value
 
     def _row(self, k: int, number: Sum) -> Row:
         axis = self.axes[k]

@@ -74,7 +74,7 @@ def _between(placed: _Placed, walls: Sequence[FlatWall], low: End, high: End) ->
     met = [w for w in walls if (w.axis, w.side) == (high.axis, high.side)]
     met = [w for w in met if placed.at(low, w.side) < w.side * w.place - placed.slack]
     met = [w for w in met if w.side * w.place <= placed.at(high, w.side) + placed.slack]
-    return [w for w in met if _meet(placed.boxes[w.leaf], placed.boxes[high.leaf], high.axis)]
+    return [w for w in met if share_area(placed.boxes[w.leaf], placed.boxes[high.leaf], high.axis)]
 
 
 def _keep_cut(placed: _Placed, walls: Sequence[FlatWall], end: End) -> list[FlatWall]:
@@ -103,7 +103,7 @@ def _covers(wall: FlatWall, box: tuple[np.ndarray, np.ndarray]) -> bool:
     return min(high, box[1][axis]) - max(low, box[0][axis]) >= MOST * (box[1] - box[0])[axis]
 
 
-def _meet(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray], axis: int) -> bool:
+def share_area(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray], axis: int) -> bool:
     """Whether two boxes share area as seen along an axis."""
     across = [i for i in range(3) if i != axis]
     return bool((np.minimum(a[1], b[1]) > np.maximum(a[0], b[0]))[across].all())

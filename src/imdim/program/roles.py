@@ -15,6 +15,7 @@ from imdim.program.repeats import Folded, instances
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, envelope, fold, leaves
 
 _Taken = list[tuple[int, list[int]]]  # leaves with what is taken from them
+_Clipped = list[tuple[int, int, list[int]]]  # leaves with their signs, and with what they are clipped by
 
 FLAT = 0.35  # a first box thinner than this share of its next edge is a plate
 
@@ -67,6 +68,23 @@ def cuts_of_each(program: Program) -> list[list[int]]:
         return a + b
 
     return [cuts for _, cuts in fold(program, lambda i, _: [(i, [])], {"union": both, "intersection": both, "difference": cut})]
+
+
+def clips_of_each(program: Program) -> list[list[int]]:
+    """For each leaf the leaves of what it is intersected with that add to that, in order of leaves."""
+
+    def apart(a: _Clipped, b: _Clipped) -> _Clipped:
+        return a + b
+
+    def cut(a: _Clipped, b: _Clipped) -> _Clipped:
+        return a + [(leaf, -sign, clips) for leaf, sign, clips in b]
+
+    def clip(a: _Clipped, b: _Clipped) -> _Clipped:
+        mine, its = ([leaf for leaf, sign, _ in side if sign > 0] for side in (a, b))
+        return [(leaf, sign, clips + its) for leaf, sign, clips in a] + [(leaf, sign, clips + mine) for leaf, sign, clips in b]
+
+    found = fold(program, lambda i, _: [(i, 1, [])], {"union": apart, "intersection": clip, "difference": cut})
+    return [clips for _, _, clips in found]
 
 
 def labels(
