@@ -28,7 +28,7 @@ from imdim.reconstruction.config import ConfigError
 # one validation, at the end; clean clouds, as those that are answered
 SETTING = ["epochs=1000", "samples_per_epoch=1000000", "workers=0", "warmup=100", "n_val=64", "n_measure=8"]
 SETTING += ["synthesis.n_max=6", "synthesis.gt_points=1024", "synthesis.free_rotation=0.05", "synthesis.tilt=0.3"]
-SETTING += [f"synthesis.augment.p_{effect}=0" for effect in ("noise", "uneven", "missing")]
+SETTING += [f"synthesis.augment.p_{effect}=0" for effect in ("noise", "outliers", "uneven", "missing", "views")]
 VARIANTS: Mapping[str, tuple[str, ...]] = {
     "all changes": (),
     "regression for distributions": ("base.distributions=false",),

@@ -234,7 +234,8 @@ def distances(points: int) -> Kernel:
 
 def clouds(rows: int, points: int = 1024) -> Kernel:
     """Clouds of synthetic programs. The first round of candidates is counted; what rows still lack takes further ones."""
-    solids, _ = draw_programs(rows, SynthesisConfig(n_min=4, gt_points=256), torch.Generator().manual_seed(3))
+    families = ("plate", "bracket", "turned", "pattern", "shell", "free")  # whose kinds the plain code knows
+    solids, _ = draw_programs(rows, SynthesisConfig(n_min=4, gt_points=256, families=families), torch.Generator().manual_seed(3))
     looks = float(2 * 2 * points * solids.kinds.numel())  # both sides of 2 n candidates, before every primitive
 
     def run(_: Any) -> torch.Tensor:

@@ -89,6 +89,7 @@ def surface_cloud(solids: Solids, n: int, generator: torch.Generator) -> list[np
         area = surface_areas(solids[torch.tensor(poor)])
         owner = torch.multinomial(area, 2 * n, replacement=True, generator=generator)
         u = torch.rand(*owner.shape, 3, generator=generator)
+        torch.rand(*owner.shape, generator=generator)  # thins rings and ellipsoids, of which there are none here
         for i, row in enumerate(poor):
             step = STEP * float(np.linalg.norm(high[row] - low[row]))
             found[row].append(_boundary(solids, row, owner[i].numpy(), u[i].numpy(), step))
@@ -135,7 +136,8 @@ def _on_surface(kind: int, size: np.ndarray, u: np.ndarray) -> tuple[np.ndarray,
         return size[0] * direction, direction
     radius, height = size[0], size[1]
     at, angle = u[:, 0] * (radius + height), 2 * np.pi * u[:, 2]
-    side, end = at >= radius, np.where(at < radius / 2, -1.0, 1.0)
+    low, high = at < radius / 2, at >= radius / 2 + height
+    side, end = ~(low | high), np.where(low, -1.0, 1.0)
     rho, z = np.where(side, radius, radius * np.sqrt(u[:, 1])), np.where(side, u[:, 1] - 0.5, end / 2) * height
     circle = np.stack([np.cos(angle), np.sin(angle)], 1)
     points = np.concatenate([rho[:, None] * circle, z[:, None]], 1)

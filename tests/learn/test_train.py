@@ -14,15 +14,17 @@ from tests.data.folders import make_folder
 
 from imdim.data.folder import FolderConfig
 from imdim.data.npz import SampleError
-from imdim.data.solids import from_sequences
+from imdim.data.solids import adds_primitive, from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
+from imdim.learn.batches import Batches
 from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, save_net, save_state
+from imdim.learn.distributed import Processes
 from imdim.learn.optimise import NotFinite, Optimiser
 from imdim.learn.policy import Move, Policy
 from imdim.learn.policy_net import BaseConfig
 from imdim.learn.schedule import Plan, learning_rate, plan_steps, shorten_plan
 from imdim.learn.seed_policy import SeedConfig
-from imdim.learn.settings import TrainConfig, build
+from imdim.learn.settings import TrainConfig, build, fill_defaults
 from imdim.learn.train import train
 from imdim.learn.validation import Validation
 
@@ -255,7 +257,7 @@ class Oracle(Policy):
         known = (seen.gt_points[:, None, 0] == self.batch.gt_points[None, :, 0]).all(-1).int().argmax(1)
         at = known, seen.written.lengths
         tokens = self.batch.gt_tokens[at].clamp_min(0)
-        part = from_sequences(tokens[:, None].clamp_max(2), self.batch.gt_params[at][:, None])
+        part = from_sequences(torch.where(adds_primitive(tokens), tokens, 0)[:, None], self.batch.gt_params[at][:, None])
         return Move(tokens, part, torch.zeros(len(tokens)))
 
 
@@ -346,3 +348,14 @@ def test_states_that_are_none_are_named(tmp_path, content):
         torch.save({"weights": torch.zeros(2)}, path)
     with pytest.raises(CheckpointError, match=r"state.pt: not (a training state|the state of a training run)"):
         next(train(small(tmp_path, resume=True)))
+
+
+def test_samples_of_several_steps_are_made_at_once(tmp_path):
+    """Each step has its own rows of one draw, the same in a run that is resumed between them."""
+    config = fill_defaults(small(tmp_path, together=2, workers=0), 1)
+    batches = Batches(config, Processes())
+    parts = [batches.part(step, 0) for step in range(3)]
+    assert all(len(part.steps) == config.batch_size for part in parts)
+    assert not torch.equal(parts[0].gt_points, parts[1].gt_points)
+    again = Batches(config, Processes()).part(1, 0)
+    assert all(torch.equal(a, b) for a, b in zip(again, parts[1], strict=True))

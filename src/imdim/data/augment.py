@@ -14,25 +14,29 @@ from imdim.data.dice import Dice
 class AugmentConfig:
     """Each effect meets a row with its probability `p_*`, with a strength drawn evenly from 0 to the maximum beside it.
 
-    `noise` is a standard deviation relative to the diagonal, `outliers` a share of the points, `thinning` how much sparser the cloud
-    gets from one end to the other, `missing` the share of the points lost at one side. All off by default.
+    `noise` is a standard deviation relative to the diagonal, drawn from `least_noise` on, `outliers` a share of the points, `thinning` how
+    much sparser the cloud gets from one end to the other, `missing` the share of the points lost at one side, `views` the number of sides
+    from which a solid is seen, drawn from 1 (see `hide_unseen`, which needs the solid). All off by default.
     """
 
     p_noise: float = 0.0
     noise: float = 0.01
+    least_noise: float = 0.0
     p_outliers: float = 0.0
     outliers: float = 0.05
     p_uneven: float = 0.0
     thinning: float = 0.9
     p_missing: float = 0.0
     missing: float = 0.4
+    p_views: float = 0.0
+    views: int = 6
 
 
 def augment(points: Tensor, config: AugmentConfig, generator: torch.Generator) -> Tensor:
     """Clouds [b, n, 3] of diagonal 1 as a scanner might deliver them, still [b, n, 3]: lost points are replaced by repeats of others."""
     dice = Dice(generator, len(points))
     points = _thin(points, dice, config)
-    strength = torch.where(dice.coin(config.p_noise), dice.uniform(0.0, config.noise), 0.0)
+    strength = torch.where(dice.coin(config.p_noise), dice.uniform(config.least_noise, config.noise), 0.0)
     points = points + strength[:, None, None] * dice.normal(*points.shape[1:])
     share = torch.where(dice.coin(config.p_outliers), dice.uniform(0.0, config.outliers), 0.0)
     low, high = points.amin(1, keepdim=True), points.amax(1, keepdim=True)

@@ -1,7 +1,7 @@
 """One way to write each signed sequence: equal solids of equal primitives get equal numbers in an equal order.
 
-A box has 24 equal rotations and a cylinder a free spin and two ends; neighbours of one sign commute. A network that regresses
-among such equals learns their mean, which is none of them.
+A box has 24 equal rotations, a cylinder a free spin and two ends, a cone may stand on its head; neighbours of one sign commute. A
+network that regresses among such equals learns their mean, which is none of them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
-from imdim.data.solids import ABSENT, BOX, CYLINDER, Solids
+from imdim.data.solids import ABSENT, BOX, CONE, CYLINDER, TORUS, Solids
 from imdim.data.surfaces import volumes
 
 
@@ -23,17 +23,20 @@ def canonical(solids: Solids) -> Solids:
 
 
 def canonical_primitives(solids: Solids) -> Solids:
-    """Boxes: of the 24 equal rotations the one nearest to none. Cylinders: the largest part of the axis is positive, and the
-    rotation is the shortest from +z. Spheres: none. Unused sizes become 0."""
-    box, cylinder = (solids.kinds == BOX), (solids.kinds == CYLINDER)
+    """Boxes and ellipsoids: of the 24 equal rotations the one nearest to none. Cylinders, cones and tori: the largest part of the axis is
+    positive, and the rotation is the shortest from +z. Balls: none. Unused sizes become 0."""
+    cone, cornered = solids.kinds == CONE, (solids.kinds == BOX) | solids.ellipsoids
+    turning = cone | (solids.kinds == CYLINDER) | (solids.kinds == TORUS)
     turned, edges = _nearest_box(solids.rotations, solids.sizes)
     axis = solids.rotations[..., 2]
-    axis = axis * torch.where(axis.gather(-1, axis.abs().argmax(-1, keepdim=True)) < 0, -1.0, 1.0)
+    down = axis.gather(-1, axis.abs().argmax(-1, keepdim=True)) < 0
+    axis = axis * torch.where(down, -1.0, 1.0)
     identity = torch.eye(3, dtype=axis.dtype, device=axis.device)
-    rotations = torch.where(cylinder[..., None, None], shortest_from_z(axis), identity)
-    used = torch.stack([torch.ones_like(box), cylinder, torch.zeros_like(box)], -1)
-    sizes = torch.where(box[..., None], edges, torch.where(used, solids.sizes, 0.0))
-    return replace(solids, sizes=sizes, rotations=torch.where(box[..., None, None], turned, rotations))
+    rotations = torch.where(turning[..., None, None], shortest_from_z(axis), identity)
+    used = torch.stack([torch.ones_like(cone), turning, cone], -1)
+    upright = torch.where(down & cone[..., None], solids.sizes[..., [1, 0, 2]], solids.sizes)
+    sizes = torch.where(cornered[..., None], edges, torch.where(used, upright, 0.0))
+    return replace(solids, sizes=sizes, rotations=torch.where(cornered[..., None, None], turned, rotations))
 
 
 def canonical_order(solids: Solids) -> Solids:

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from imdim.data.canonical import shortest_from_z
 from imdim.data.dice import Dice
-from imdim.data.solids import ABSENT, BOX, CYLINDER, SPHERE, Solids
+from imdim.data.solids import ABSENT, BOX, CONE, CYLINDER, SPHERE, TORUS, Solids
 
 Column = tuple[Tensor, bool | Tensor, Tensor, Tensor, Tensor]
 
@@ -210,6 +210,7 @@ def free(dice: Dice) -> Solids:
         spread = dice.log_uniform(0.08, 1.0, 3) * (1.0 if i == 0 else 0.8)
         flat = torch.where(kind[:, None] == BOX, spread, spread / 2)
         size = torch.stack([flat[:, 0], torch.where(kind == BOX, flat[:, 1], spread[:, 1]), flat[:, 2]], -1)
+        size = torch.where((kind == SPHERE)[:, None], torch.nn.functional.pad(size[:, :1], (0, 2)), size)
         center = torch.zeros(dice.n, 3, device=device)
         if i > 0:
             near = dice.integers(0, i - 1)
@@ -223,6 +224,159 @@ def free(dice: Dice) -> Solids:
     return _solids(dice, columns)
 
 
+def draw_funnels(dice: Dice) -> Solids:
+    """Coaxial cylinders and cones end to end, a flange, and the same steps a wall further in, open at one end or both."""
+    count, wall = dice.integers(1, 4), dice.log_uniform(0.03, 0.15)
+    r, z = dice.log_uniform(0.2, 0.8), torch.zeros(dice.n, device=dice.generator.device)
+    hollow, closed = dice.coin(0.75), dice.coin(0.35)
+    outer: list[Column] = []
+    inner: list[Column] = []
+    for i in range(4):
+        there, cone, h = count > i, dice.coin(0.55), dice.log_uniform(0.08, 0.9)
+        end = torch.where(cone, dice.log_uniform(0.15, 0.8), r)
+        kind = torch.where(cone, CONE, CYLINDER)
+        outer.append(_part(dice, kind, (0.0, 0.0, z + h / 2), _along_axis(cone, r, end, h), where=there))
+        # a floor at the closed end, and cylinders that leave at the open one, as people draw them
+        floor = torch.where(closed, wall, -0.3 * h * ~cone) if i == 0 else torch.zeros_like(h)
+        beyond = 0.3 * h * (~cone & (count == i + 1))
+        low, high = z + floor, z + h + beyond
+        fits = there & hollow & (torch.minimum(r, end) > 1.3 * wall) & (high > low + 0.02)
+        start = r + (end - r) * floor.clamp_min(0.0) / h
+        size = _along_axis(cone, (start - wall).clamp_min(0.01), (end - wall).clamp_min(0.01), (high - low).clamp_min(0.02))
+        inner.append(_part(dice, kind, (0.0, 0.0, (low + high) / 2), size, False, fits))
+        z = torch.where(there, z + h, z)
+        # where a cylinder ends the next piece may have another radius
+        step = torch.where(cone | dice.coin(0.3), end, dice.log_uniform(0.15, 0.8))
+        r = torch.where(there, step, r)
+    flange, thick = dice.coin(0.3), dice.log_uniform(0.03, 0.1)
+    rim = outer[0][3][:, 0] * dice.uniform(1.1, 1.8)
+    outer.append(_part(dice, CYLINDER, (0.0, 0.0, thick / 2), (rim, thick, 0.0), where=flange))
+    window = dice.coin(0.15)
+    cut = _part(dice, CYLINDER, (0.4, 0.0, z * dice.uniform(0.2, 0.8)), (0.1 * z.clamp_max(1.0), 1.0, 0.0), False, window, _along_x(dice))
+    return _solids(dice, [*outer, *inner, cut])
+
+
+def _along_axis(cone: Tensor, bottom: Tensor, top: Tensor, h: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Sizes of cones, and of cylinders of the bottom radius."""
+    return bottom, torch.where(cone, top, h), torch.where(cone, h, 0.0)
+
+
+def draw_knobs(dice: Dice) -> Solids:
+    """A shank, a head that is a cylinder, a cone, a ball, an ellipsoid or a ring, a round groove, a foot, a bore and a flat."""
+    r, h = dice.log_uniform(0.2, 0.7), dice.log_uniform(0.2, 1.2)
+    head = torch.tensor([CYLINDER, CONE, SPHERE, SPHERE, TORUS], device=dice.generator.device)[dice.integers(0, 4)]
+    oval = (head == SPHERE) & dice.coin(0.7)
+    wide, tall = r * dice.uniform(0.8, 2.2), dice.log_uniform(0.1, 0.7)
+    deep = torch.where(dice.coin(0.5), wide, wide * dice.uniform(0.5, 1.5))
+    minor = torch.minimum(wide * 0.45, tall / 2 + 0.05)
+    second = torch.where(head == CYLINDER, tall, torch.where(head == CONE, wide * dice.uniform(0.0, 1.5), torch.where(oval, deep, 0.0)))
+    size = (wide, torch.where(head == TORUS, minor, second), torch.where((head == CONE) | oval, tall, 0.0))
+    lifted = torch.where((head == CYLINDER) | (head == CONE), h + tall / 2, h)
+    columns = [_part(dice, CYLINDER, (0.0, 0.0, h / 2), (r, h, 0.0)), _part(dice, head, (0.0, 0.0, lifted), size)]
+    columns.append(_part(dice, CONE, (0.0, 0.0, -tall / 4), (r * dice.uniform(0.4, 1.8), r, tall / 2), where=dice.coin(0.35)))
+    groove = r * dice.uniform(0.06, 0.3)
+    columns.append(_part(dice, TORUS, (0.0, 0.0, h * dice.uniform(0.2, 0.7)), (r, groove, 0.0), False, dice.coin(0.3)))
+    bore = r * dice.uniform(0.2, 0.7)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, h / 2), (bore, 4.0, 0.0), False, dice.coin(0.45)))
+    flat = (r * dice.uniform(1.2, 1.7), 0.0, 0.0)
+    columns.append(_part(dice, BOX, flat, (r, 4 * r, h * dice.uniform(0.5, 1.2)), False, dice.coin(0.2)))
+    cross = r * dice.uniform(0.1, 0.4)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, h * dice.uniform(0.2, 0.6)), (cross, 4.0, 0.0), False, dice.coin(0.2), _along_x(dice)))
+    return _solids(dice, columns)
+
+
+def draw_vessels(dice: Dice) -> Solids:
+    """A hollow ellipsoid, ring or ball cut open, with a foot, a handle and a spout."""
+    a, c = dice.log_uniform(0.4, 1.0), dice.log_uniform(0.25, 1.0)
+    b = torch.where(dice.coin(0.5), a, a * dice.uniform(0.5, 1.6))
+    wall = torch.minimum(torch.minimum(a, b), c) * dice.uniform(0.06, 0.3)
+    hollow, rim = dice.coin(0.6), c * dice.uniform(-0.2, 0.8)
+    columns = [_part(dice, SPHERE, (0.0, 0.0, 0.0), (a, b, c))]
+    foot = torch.minimum(a, b) * dice.uniform(0.3, 0.9)
+    stand = _along_axis(dice.coin(0.6), foot * dice.uniform(0.6, 1.6), foot, c * dice.uniform(0.3, 0.8))
+    standing = torch.where(stand[2] > 0, CONE, CYLINDER)
+    columns.append(_part(dice, standing, (0.0, 0.0, -c), stand, where=dice.coin(0.5)))
+    handle = c * dice.uniform(0.25, 0.5)
+    across = _along_x(dice)
+    turn = _about_z(torch.full((dice.n,), math.pi / 2, device=dice.generator.device)) @ across
+    ring = (handle, handle * dice.uniform(0.12, 0.4), 0.0)
+    columns.append(_part(dice, TORUS, (a, 0.0, 0.0), ring, where=dice.coin(0.35), rotation=turn))
+    columns.append(_part(dice, SPHERE, (0.0, 0.0, 0.0), (a - wall, b - wall, c - wall), False, hollow))
+    columns.append(_part(dice, BOX, (0.0, 0.0, rim + 2.0), (6.0, 6.0, 4.0), False, hollow | dice.coin(0.4)))
+    bore = torch.minimum(a, b) * dice.uniform(0.1, 0.5)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, 0.0), (bore, 6.0, 0.0), False, ~hollow & dice.coin(0.6)))
+    return _solids(dice, columns)
+
+
+def draw_sunk_plates(dice: Dice) -> Solids:
+    """A plate or disc, its edge or boss bevelled, with countersunk or counterbored holes and round or oval dishes."""
+    w, d, h = dice.log_uniform(0.6, 2.0), dice.log_uniform(0.6, 2.0), dice.log_uniform(0.06, 0.4)
+    disc = dice.coin(0.4)
+    least = torch.minimum(w, d)
+    w, d = torch.where(disc, least, w), torch.where(disc, least, d)
+    base = (torch.where(disc, w / 2, w), torch.where(disc, h, d), torch.where(disc, 0.0, h))
+    columns = [_part(dice, torch.where(disc, CYLINDER, BOX), (0.0, 0.0, 0.0), base)]
+    bevel, steep = least / 2 * dice.uniform(0.6, 0.95), dice.log_uniform(0.03, 0.5)
+    top = torch.where(disc & dice.coin(0.5), least / 2, least * dice.uniform(0.15, 0.4))
+    columns.append(_part(dice, CONE, (0.0, 0.0, h / 2 + steep / 2), (top, torch.minimum(bevel, top * 0.95), steep), where=dice.coin(0.5)))
+    inset = least * dice.uniform(0.14, 0.24)
+    hole = inset * dice.uniform(0.2, 0.5)
+    wide, sink = hole * dice.uniform(1.4, 2.2), torch.minimum(h * dice.uniform(0.3, 1.0), hole * dice.uniform(0.5, 1.5))
+    bored = dice.coin(0.3)
+    sunk = torch.where(bored, CYLINDER, CONE)
+    deep = torch.where(bored, 2 * sink, wide)
+    dx, dy = (w / 2 - inset) * torch.where(disc, 0.7, 1.0), (d / 2 - inset) * torch.where(disc, 0.7, 1.0)
+    four, two = dice.coin(0.3), dice.coin(0.5)
+    for sx, sy in ((1, 1), (-1, -1), (1, -1), (-1, 1)):
+        where = four | two if sx == sy else four
+        columns.append(_part(dice, CYLINDER, (sx * dx, sy * dy, 0.0), (hole, 3 * h, 0.0), False, where))
+        height = torch.where(bored, h / 2, h / 2 - sink / 2)
+        columns.append(
+            _part(
+                dice, sunk, (sx * dx, sy * dy, height), (torch.where(bored, wide, hole), deep, torch.where(bored, 0.0, sink)), False, where
+            )
+        )
+    centre = least * dice.uniform(0.08, 0.2)
+    dish = dice.coin(0.5)
+    size = (centre, torch.where(dish, centre * dice.uniform(0.6, 1.6), 6.0), torch.where(dish, h * dice.uniform(0.4, 0.9), 0.0))
+    place = torch.where(dish, h / 2, 0.0)
+    columns.append(_part(dice, torch.where(dish, SPHERE, CYLINDER), (0.0, 0.0, place), size, False, dice.coin(0.4)))
+    return _solids(dice, columns)
+
+
+def draw_mixtures(dice: Dice) -> Solids:
+    """One to six signed primitives of all six kinds, mostly aligned, each centred within or at the skin of an earlier one."""
+    count, aligned = dice.integers(1, 6), dice.coin(0.8)
+    device = dice.generator.device
+    turns = torch.stack([torch.eye(3, device=device), _along_x(Dice(dice.generator, 1)), shortest_from_z(torch.eye(3, device=device)[1])])
+    columns: list[Column] = []
+    for i in range(6):
+        kind = torch.tensor([BOX, SPHERE, SPHERE, CYLINDER, CONE, CONE, TORUS, TORUS], device=device)[dice.integers(0, 7)]
+        ball = dice.coin(0.4)
+        a, b, c = (dice.log_uniform(0.08, 1.0, 3) * (1.0 if i == 0 else 0.8)).unbind(-1)
+        a = torch.where(kind == BOX, a, a / 2)
+        second = torch.where(kind == BOX, b, b / 2)
+        second = torch.where(kind == CYLINDER, b, second)
+        second = torch.where(kind == TORUS, a * dice.uniform(0.15, 0.8), second)
+        second = torch.where(kind == CONE, torch.where(dice.coin(0.25), 0.0, a * dice.uniform(0.2, 1.6)), second)
+        second = torch.where((kind == SPHERE) & ball, 0.0, second)
+        third = torch.where((kind == BOX) | (kind == CONE), c, torch.where((kind == SPHERE) & ~ball, c / 2, 0.0))
+        size = torch.stack([a, second, third], -1)
+        center = torch.zeros(dice.n, 3, device=device)
+        if i > 0:
+            near = dice.integers(0, i - 1)
+            placed = torch.stack([p[2] for p in columns], 1)
+            extents = torch.stack([p[3] for p in columns], 1)
+            rows = torch.arange(dice.n, device=device)
+            center = placed[rows, near] + extents[rows, near].clamp_min(0.1) * dice.uniform(-0.6, 0.6, 3)
+            # what shares an axis is common
+            center = torch.where(dice.coin(0.35, 3), placed[rows, near], center)
+        rotation = torch.where(aligned[:, None, None], turns[dice.integers(0, 2)], dice.rotations())
+        positive = ~dice.coin(0.4) if i > 0 else torch.ones(dice.n, dtype=torch.bool, device=device)
+        columns.append((torch.where(count > i, kind, ABSENT), positive, center, size, rotation))
+    return _solids(dice, columns)
+
+
 FAMILIES: Mapping[str, Callable[[Dice], Solids]] = {
     "plate": plate,
     "bracket": bracket,
@@ -230,4 +384,9 @@ FAMILIES: Mapping[str, Callable[[Dice], Solids]] = {
     "pattern": pattern,
     "shell": shell,
     "free": free,
+    "funnel": draw_funnels,
+    "knob": draw_knobs,
+    "vessel": draw_vessels,
+    "sunk": draw_sunk_plates,
+    "mixture": draw_mixtures,
 }

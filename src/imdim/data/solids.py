@@ -15,17 +15,32 @@ from torch import Tensor
 
 from imdim.geometry.sdf import rotation_matrices
 from imdim.program.sequence import SignedSequence
-from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END, PARAM_COUNT, UNDO_LAST, ShapeState
+from imdim.program.state import (
+    ADD_BOX,
+    ADD_CONE,
+    ADD_CYLINDER,
+    ADD_SPHERE,
+    ADD_TORUS,
+    END,
+    KIND_OF,
+    PARAM_COUNT,
+    UNDO_LAST,
+    ShapeState,
+    Token,
+)
 from imdim.program.tree import Primitive
 
-BOX, SPHERE, CYLINDER, ABSENT = int(ADD_BOX), int(ADD_SPHERE), int(ADD_CYLINDER), -1
+BOX, SPHERE, CYLINDER, CONE, TORUS = (int(token) for token in (ADD_BOX, ADD_SPHERE, ADD_CYLINDER, ADD_CONE, ADD_TORUS))
+ABSENT = -1
+ADDING = tuple(int(token) for token in KIND_OF)
 PAD = -1  # stands after END where a batch is wider than a sequence; no token
 
 
 @dataclass(frozen=True)
 class Solids:
     """`kinds` int64 [b, t] (the id of the token that adds it, or ABSENT), `positive` bool [b, t], `centers` [b, t, 3], `sizes` [b, t, 3]
-    (box edges; sphere r, 0, 0; cylinder r, h, 0), `rotations` [b, t, 3, 3] (local to world)."""
+    (box edges; ball r, 0, 0; ellipsoid semi-axes; cylinder r, h, 0; cone bottom and top radius, h; torus R, r, 0), `rotations` [b, t, 3, 3]
+    (local to world). An ellipsoid is a sphere with three sizes, as in `ShapeState`."""
 
     kinds: Tensor
     positive: Tensor
@@ -37,6 +52,11 @@ class Solids:
     def present(self) -> Tensor:
         """bool [b, t]."""
         return self.kinds != ABSENT
+
+    @property
+    def ellipsoids(self) -> Tensor:
+        """Which are spheres with three semi-axes, bool [b, t]."""
+        return (self.kinds == SPHERE) & (self.sizes[..., 1] > 0)
 
     @property
     def lengths(self) -> Tensor:
@@ -55,6 +75,11 @@ class Solids:
         """Present primitives first, in their order, as wide as the longest row."""
         order = torch.argsort((~self.present).to(torch.uint8), dim=1, stable=True)
         return self.take(order[:, : max(1, int(self.lengths.max()) if len(self.kinds) else 1)])
+
+
+def adds_primitive(tokens: Tensor) -> Tensor:
+    """Which `tokens` int64 [...] add a primitive, bool [...]."""
+    return torch.isin(tokens, tokens.new_tensor(ADDING))
 
 
 class Sequences(NamedTuple):
@@ -97,16 +122,17 @@ def to_sequences(solids: Solids, steps: int | None = None) -> Sequences:
 def from_sequences(tokens: Tensor, params: Tensor) -> Solids:
     """Execute `tokens` [b, t] with `params` [b, t, 10], UNDO_LAST included; END and PAD add nothing. Sizes are read by magnitude.
 
-    Raises ValueError for a token that adds another kind than box, sphere or cylinder.
+    Raises ValueError for an unknown token.
     """
-    known = (tokens <= int(END)) & (tokens >= PAD)
+    known = (tokens < len(Token)) & (tokens >= PAD)
     if not known.all():
-        raise ValueError(f"token {int(tokens[~known][0])} is not of the signed sequences of boxes, spheres and cylinders")
+        raise ValueError(f"unknown token {int(tokens[~known][0])}; known are 0 to {len(Token) - 1}")
+    adds = adds_primitive(tokens)
     rows = torch.arange(len(tokens), device=tokens.device)
     top = torch.zeros_like(rows)
     order = torch.full_like(tokens, -1)
     for step in range(tokens.shape[1]):
-        added = (tokens[:, step] >= 0) & (tokens[:, step] <= CYLINDER)
+        added = adds[:, step]
         order[rows[added], top[added]] = step
         top = (top + added.long() - (tokens[:, step] == int(UNDO_LAST)).long()).clamp_min(0)
         order = torch.where(torch.arange(order.shape[1], device=tokens.device) < top[:, None], order, -1)
@@ -119,8 +145,9 @@ def from_sequences(tokens: Tensor, params: Tensor) -> Solids:
 def to_states(tokens: Tensor, params: Tensor) -> list[ShapeState]:
     """Each row applied to its own `ShapeState`; PAD is skipped."""
     states = []
-    for row, numbers in zip(tokens.tolist(), params.double().tolist(), strict=True):
-        state = ShapeState()
+    round_ones = ((tokens == SPHERE) & (params[..., 4:6] != 0).any(-1)).any(1)
+    for row, numbers, ellipsoids in zip(tokens.tolist(), params.double().tolist(), round_ones.tolist(), strict=True):
+        state = ShapeState(ellipsoids=ellipsoids)
         for token, vector in zip(row, numbers, strict=True):
             if token != PAD and not state.done:
                 state.apply_action(token, vector)
@@ -134,10 +161,8 @@ def to_signed(solids: Solids) -> list[SignedSequence[Primitive]]:
 
 
 def from_signed(sequences: Sequence[SignedSequence[Primitive]]) -> Solids:
-    """Sequences of boxes, spheres and cylinders as rows, in double precision; ValueError for other kinds."""
+    """Sequences of primitives as rows, in double precision; KeyError for an intersection, ValueError for an outline."""
     states = [ShapeState.from_sequence(sequence) for sequence in sequences]
-    if any(state.ellipsoids for state in states):
-        raise ValueError("an ellipsoid is not of the signed sequences of boxes, spheres and cylinders")
     tokens = torch.full((len(sequences), max(map(len, sequences)) + 1), PAD)
     params = torch.zeros(*tokens.shape, PARAM_COUNT, dtype=torch.float64)
     for row, state in enumerate(states):
@@ -156,14 +181,49 @@ def levels(solids: Solids, points: Tensor) -> Tensor:
     inverse = solids.rotations.permute(0, 3, 1, 2).reshape(rows, 3 * t, 3)
     origin = (solids.centers[..., None, :] @ solids.rotations)[..., 0, :].permute(0, 2, 1).reshape(rows, 3 * t, 1)
     x, y, z = torch.baddbmm(-origin, inverse, points.mT).view(rows, 3, t, -1).unbind(1)
+    return _level(_shapes(solids), x, y, z)
+
+
+class _Shapes(NamedTuple):
+    """The numbers [b, t, 1] of one formula for all kinds: a box of half edges `wide`, `deep` and `half` or, where not `square`, within
+    `half` of the middle either what is nearer than `thick` to a circle of radius `ring` (where `ball`), or what is nearer to the axis than
+    `radius` + `slope` z. Coordinates are multiplied by `stretch` first."""
+
+    square: Tensor
+    ball: Tensor
+    wide: Tensor
+    deep: Tensor
+    half: Tensor
+    stretch: tuple[Tensor, Tensor, Tensor]
+    ring: Tensor
+    thick: Tensor
+    radius: Tensor
+    slope: Tensor
+
+
+def _shapes(solids: Solids) -> _Shapes:
     a, b, c = (s[..., None] for s in solids.sizes.unbind(-1))
-    kinds = solids.kinds[..., None]
-    # a sphere has no ends, nothing is inside of what is absent
-    half = torch.where(kinds == BOX, c / 2, b / 2)
-    half = torch.where(kinds == SPHERE, torch.inf, torch.where(kinds == ABSENT, -torch.inf, half))
-    radial = torch.sqrt(x * x + y * y + z * z * (kinds == SPHERE)) - a
-    across = torch.where(kinds == BOX, torch.maximum(x.abs() - a / 2, y.abs() - b / 2), radial)
-    return torch.maximum(across, z.abs() - half)
+    kinds, oval = solids.kinds[..., None], solids.ellipsoids[..., None]
+    box, ball, torus, cone = (kinds == kind for kind in (BOX, SPHERE, TORUS, CONE))
+    least = torch.where(oval, torch.minimum(torch.minimum(a, b), c), a)
+    stretch = [torch.where(oval, least / size.clamp_min(1e-12), 1.0) for size in (a, b, c)]
+    # a ball and a ring have no ends, nothing is inside of what is absent
+    half = torch.where(box | cone, c / 2, b / 2)
+    half = torch.where(ball | torus, torch.inf, torch.where(kinds == ABSENT, -torch.inf, half))
+    slope = torch.where(cone, (b - a) / c.clamp_min(1e-12), 0.0)
+    radius = torch.where(cone, (a + b) / 2, a)
+    ring, thick = torch.where(torus, a, 0.0), torch.where(torus, b, least)
+    return _Shapes(box, ball | torus, a / 2, b / 2, half, (stretch[0], stretch[1], stretch[2]), ring, thick, radius, slope)
+
+
+def _level(s: _Shapes, x: Tensor, y: Tensor, z: Tensor) -> Tensor:
+    u, v, w = (c * k for c, k in zip((x, y, z), s.stretch, strict=True))
+    rho = torch.sqrt(u * u + v * v)
+    ball = torch.sqrt((rho - s.ring).square() + w * w) - s.thick
+    side = (rho - s.radius - s.slope * z) * torch.rsqrt(1 + s.slope.square())
+    across = torch.where(s.ball, ball, side)
+    across = torch.where(s.square, torch.maximum(x.abs() - s.wide, y.abs() - s.deep), across)
+    return torch.maximum(across, z.abs() - s.half)
 
 
 def inside(solids: Solids, held: Tensor) -> Tensor:

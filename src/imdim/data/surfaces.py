@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor
 
-from imdim.data.solids import BOX, CYLINDER, SPHERE, Solids, inside, levels
+from imdim.data.solids import BOX, CONE, CYLINDER, SPHERE, TORUS, Solids, inside, levels
 
 STEP = 1e-4  # how far both sides of a surface are looked at, as a share of the solid's size
 ROUNDS = 4
@@ -39,12 +39,14 @@ def surface_clouds(solids: Solids, n: int, generator: torch.Generator) -> tuple[
 
 def _candidates(solids: Solids, m: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
     """`m` points on the primitives' surfaces with outward normals [b, m, 3] and whether they are on the boundary of the solid."""
-    area = surface_areas(solids)
+    area = _map_areas(solids)
     # a row of nothing still needs a distribution; its candidates are never kept
     owner = torch.multinomial(torch.where(area.sum(1, keepdim=True) > 0, area, 1.0), m, replacement=True, generator=generator)
     u = torch.rand(*owner.shape, 3, generator=generator, device=owner.device)
     rows = torch.arange(len(owner), device=owner.device)[:, None]
-    local, direction = local_surface(solids.kinds[rows, owner], solids.sizes[rows, owner], u)
+    kinds, sizes = solids.kinds[rows, owner], solids.sizes[rows, owner]
+    local, direction = local_surface(kinds, sizes, u)
+    even = torch.rand(*owner.shape, generator=generator, device=owner.device) < _stretching(kinds, sizes, local)
     rotation = solids.rotations[rows, owner]
     points = (rotation @ local[..., None])[..., 0] + solids.centers[rows, owner]
     normals = (rotation @ direction[..., None])[..., 0]
@@ -54,7 +56,7 @@ def _candidates(solids: Solids, m: int, generator: torch.Generator) -> tuple[Ten
     countdown = torch.arange(behind.shape[1], 0, -1, device=owner.device, dtype=torch.int16)[:, None]
     first = behind.shape[1] - (countdown * (behind != ahead)).amax(1)
     within, without = inside(solids, behind), inside(solids, ahead)
-    kept = (within != without) & (first == owner) & solids.present.any(1)[:, None]
+    kept = (within != without) & (first == owner) & even & solids.present.any(1)[:, None]
     return points, torch.where(within[..., None], normals, -normals), kept
 
 
@@ -64,22 +66,52 @@ def surface_areas(solids: Solids) -> Tensor:
     area = torch.zeros_like(a)
     area = torch.where(solids.kinds == BOX, 2 * (a * b + b * c + c * a), area)
     area = torch.where(solids.kinds == SPHERE, 4 * math.pi * a * a, area)
+    area = torch.where(solids.ellipsoids, _ellipsoid_area(a, b, c), area)
+    area = torch.where(solids.kinds == CONE, math.pi * (a * a + b * b + (a + b) * torch.hypot(a - b, c)), area)
+    area = torch.where(solids.kinds == TORUS, 4 * math.pi**2 * a * b, area)
     return torch.where(solids.kinds == CYLINDER, 2 * math.pi * a * (a + b), area)
+
+
+def _ellipsoid_area(a: Tensor, b: Tensor, c: Tensor) -> Tensor:
+    """Within 1.1 % (K. Thomsen 2004, as given by G. Michon, "Surface area of an ellipsoid")."""
+    p = 1.6075
+    return 4 * math.pi * (((a * b) ** p + (a * c) ** p + (b * c) ** p) / 3) ** (1 / p)
+
+
+def _map_areas(solids: Solids) -> Tensor:
+    """Areas [b, t] of surfaces that are as much too large where `local_surface` is not even as its points are thinned by `_stretching`."""
+    a, b, c = solids.sizes.unbind(-1)
+    area = torch.where(solids.kinds == TORUS, 4 * math.pi**2 * (a + b) * b, surface_areas(solids))
+    widest = torch.maximum(torch.maximum(a * b, b * c), c * a)
+    return torch.where(solids.ellipsoids, 4 * math.pi * widest, area)
+
+
+def _stretching(kinds: Tensor, sizes: Tensor, local: Tensor) -> Tensor:
+    """How much the map of `local_surface` stretches areas at its points `local` [..., 3], as a share of its most: 1 where it is even."""
+    a, b, c = sizes.unbind(-1)
+    ring = torch.hypot(local[..., 0], local[..., 1]) / (a + b).clamp_min(1e-12)
+    share = torch.where(kinds == TORUS, ring, 1.0)
+    products = torch.stack([b * c, c * a, a * b], -1)
+    oval = torch.linalg.vector_norm(products * local / sizes.clamp_min(1e-12), dim=-1) / products.amax(-1).clamp_min(1e-12)
+    return torch.where((kinds == SPHERE) & (b > 0), oval, share)
 
 
 def volumes(solids: Solids) -> Tensor:
     """Volumes [b, t] of the primitives, 0 where absent."""
     a, b, c = solids.sizes.unbind(-1)
     volume = torch.where(solids.kinds == BOX, a * b * c, torch.zeros_like(a))
-    volume = torch.where(solids.kinds == SPHERE, 4 / 3 * math.pi * a**3, volume)
+    volume = torch.where(solids.kinds == SPHERE, 4 / 3 * math.pi * a * torch.where(solids.ellipsoids, b * c, a * a), volume)
+    volume = torch.where(solids.kinds == CONE, math.pi / 3 * c * (a * a + a * b + b * b), volume)
+    volume = torch.where(solids.kinds == TORUS, 2 * math.pi**2 * a * b * b, volume)
     return torch.where(solids.kinds == CYLINDER, math.pi * a * a * b, volume)
 
 
 def local_surface(kinds: Tensor, sizes: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
-    """Even points and outward normals [..., 3] on primitives `kinds` [...] of `sizes` [..., 3] in their frames, from uniforms [..., 3]."""
-    box, sphere = (kinds == BOX)[..., None], (kinds == SPHERE)[..., None]
-    maps = [_on_box(sizes, u), _on_sphere(sizes, u), _on_cylinder(sizes, u)]
-    points, normals = (torch.where(box, b, torch.where(sphere, s, c)) for b, s, c in zip(*maps, strict=True))
+    """Points and outward normals [..., 3] on primitives `kinds` [...] of `sizes` [..., 3] in their frames, from uniforms [..., 3]; even but
+    on ellipsoids and tori, see `_stretching`."""
+    box, sphere, torus = ((kinds == kind)[..., None] for kind in (BOX, SPHERE, TORUS))
+    maps = [_on_box(sizes, u), _on_ellipsoid(sizes, u), _on_torus(sizes, u), _on_cone(*_as_cone(kinds, sizes), u)]
+    points, normals = (torch.where(box, b, torch.where(sphere, s, torch.where(torus, t, c))) for b, s, t, c in zip(*maps, strict=True))
     return points, normals
 
 
@@ -93,31 +125,59 @@ def _on_box(sizes: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
     return torch.where(fixed, sign / 2, free) * sizes, torch.where(fixed, sign, 0.0)
 
 
-def _on_sphere(sizes: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
+def _on_ellipsoid(sizes: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
+    """Images of the even points of a ball; what has one size is a ball."""
+    axes = torch.where(sizes[..., 1:2] > 0, sizes, sizes[..., :1])
     z = 2 * u[..., 0] - 1
-    ring, angle = torch.sqrt(1 - z * z), 2 * math.pi * u[..., 1]
-    direction = torch.stack([ring * torch.cos(angle), ring * torch.sin(angle), z], -1)
-    return direction * sizes[..., :1], direction
+    around, angle = torch.sqrt(1 - z * z), 2 * math.pi * u[..., 1]
+    direction = torch.stack([around * torch.cos(angle), around * torch.sin(angle), z], -1)
+    return direction * axes, torch.nn.functional.normalize(direction / axes.clamp_min(1e-12), dim=-1)
 
 
-def _on_cylinder(sizes: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
-    r, h = sizes[..., 0], sizes[..., 1]
-    side = u[..., 0] * (r + h) >= r  # caps 2 pi r^2, side 2 pi r h
-    end = torch.where(u[..., 0] * (r + h) < r / 2, -1.0, 1.0)
-    rho = torch.where(side, r, r * torch.sqrt(u[..., 1]))
-    z = torch.where(side, u[..., 1] - 0.5, end / 2) * h
+def _on_torus(sizes: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
+    """Even in both angles."""
+    turn, tilt = 2 * math.pi * u[..., 0], 2 * math.pi * u[..., 1]
+    out = torch.stack([torch.cos(turn), torch.sin(turn), torch.zeros_like(turn)], -1)
+    up = torch.tensor([0.0, 0.0, 1.0], device=sizes.device)
+    normal = out * torch.cos(tilt)[..., None] + up * torch.sin(tilt)[..., None]
+    return out * sizes[..., :1] + normal * sizes[..., 1:2], normal
+
+
+def _as_cone(kinds: Tensor, sizes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Bottom radius, top radius and height [...] of cones and cylinders."""
+    a, b, c = sizes.unbind(-1)
+    cone = kinds == CONE
+    return a, torch.where(cone, b, a), torch.where(cone, c, b)
+
+
+def _on_cone(bottom: Tensor, top: Tensor, h: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
+    slant = torch.hypot(bottom - top, h).clamp_min(1e-12)
+    low, side, high = bottom.square(), (bottom + top) * slant, top.square()  # areas in units of pi
+    pick = u[..., 0] * (low + side + high)
+    on_low, on_high = pick < low, pick >= low + side
+    # along the side the area grows with the radius, so that its square is even between those of the ends
+    rho = torch.sqrt(low + u[..., 1] * (high - low))
+    flat = (top - bottom).abs() < 1e-4 * slant
+    along = torch.where(flat, u[..., 1], (rho - bottom) / torch.where(flat, 1.0, top - bottom))
+    spread = torch.sqrt(u[..., 1])
+    rho = torch.where(on_low, bottom * spread, torch.where(on_high, top * spread, rho))
+    z = torch.where(on_low, -0.5, torch.where(on_high, 0.5, along - 0.5)) * h
     angle = 2 * math.pi * u[..., 2]
     cos, sin = torch.cos(angle), torch.sin(angle)
-    outward = torch.where(side, 1.0, 0.0)
-    normals = torch.stack([outward * cos, outward * sin, torch.where(side, 0.0, end)], -1)
-    return torch.stack([rho * cos, rho * sin, z], -1), normals
+    end = on_low | on_high
+    out = torch.where(end, 0.0, h / slant)
+    rise = torch.where(on_low, -1.0, torch.where(on_high, 1.0, (bottom - top) / slant))
+    return torch.stack([rho * cos, rho * sin, z], -1), torch.stack([out * cos, out * sin, rise], -1)
 
 
 def reach(solids: Solids) -> Tensor:
     """Radius [b, t] of a ball about each centre that holds the primitive."""
-    a, b, _ = solids.sizes.unbind(-1)
+    a, b, c = solids.sizes.unbind(-1)
     box = torch.linalg.vector_norm(solids.sizes, dim=-1) / 2
-    return torch.where(solids.kinds == BOX, box, torch.where(solids.kinds == SPHERE, a, torch.hypot(a, b / 2)))
+    radius = torch.where(solids.kinds == BOX, box, torch.hypot(a, b / 2))
+    radius = torch.where(solids.kinds == SPHERE, solids.sizes.amax(-1), radius)
+    radius = torch.where(solids.kinds == CONE, torch.hypot(torch.maximum(a, b), c / 2), radius)
+    return torch.where(solids.kinds == TORUS, a + b, radius)
 
 
 def bounds(solids: Solids) -> tuple[Tensor, Tensor]:

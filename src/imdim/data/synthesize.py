@@ -16,8 +16,9 @@ from imdim.data.augment import AugmentConfig, augment
 from imdim.data.canonical import box_symmetries, canonical_order, canonical_primitives
 from imdim.data.dice import Dice
 from imdim.data.families import FAMILIES
-from imdim.data.solids import CYLINDER, PAD, Solids, concatenate, from_sequences, inside, last_two, levels, to_sequences
+from imdim.data.solids import BOX, PAD, Solids, adds_primitive, concatenate, from_sequences, inside, last_two, levels, to_sequences
 from imdim.data.surfaces import bounds, surface_clouds
+from imdim.data.views import fit_frame, hide_unseen
 from imdim.geometry.sdf import rotation_matrices
 from imdim.program.state import UNDO_LAST
 
@@ -73,7 +74,8 @@ class TrainingSamples(NamedTuple):
         """The true next tokens [b], and their primitives [b, 1] (meaningless unless the token adds one)."""
         rows = torch.arange(len(self.steps), device=self.steps.device)
         tokens = self.gt_tokens[rows, self.steps]
-        return tokens, from_sequences(tokens[:, None].clamp_max(CYLINDER), self.gt_params[rows, self.steps][:, None])
+        kinds = torch.where(adds_primitive(tokens), tokens, BOX)
+        return tokens, from_sequences(kinds[:, None], self.gt_params[rows, self.steps][:, None])
 
 
 def synthesize(n: int, config: SynthesisConfig, generator: torch.Generator) -> TrainingSamples:
@@ -82,6 +84,10 @@ def synthesize(n: int, config: SynthesisConfig, generator: torch.Generator) -> T
     Raises ValueError for bounds that cannot be met and RuntimeError when the families do not yield programs within them.
     """
     solids, clouds = draw_programs(-(-n // config.prefixes), config, generator)
+    if config.augment.p_views > 0:
+        seen = hide_unseen(solids, clouds, config.augment.p_views, config.augment.views, generator)
+        solids, clouds = fit_frame(solids, seen)
+        solids = _canonicalise(solids, config)
     tokens, params = to_sequences(solids, config.n_max + 1)
     rows = torch.arange(n, device=tokens.device) % len(tokens)
     return with_prefixes(augment(clouds[rows], config.augment, generator), tokens[rows], params[rows], config, generator)
@@ -125,7 +131,7 @@ def _insert_mistakes(tokens: Tensor, params: Tensor, steps: Tensor, where: Tenso
     rows = torch.arange(len(tokens), device=tokens.device)
     right, astray = tokens[rows, steps], params[rows, steps].clone()
     astray[:, :3] += 0.1 * dice.normal(3)
-    near = (dice.coin(0.5) & (right <= CYLINDER))[:, None]
+    near = (dice.coin(0.5) & adds_primitive(right))[:, None]
     wrong, error = torch.where(near, right[:, None], tokens[:, :1].roll(-1, 0)), torch.where(near, astray, params[:, 0].roll(-1, 0))
     wide = torch.where(mistake, wrong, torch.where(undo, int(UNDO_LAST), wide))
     numbers = torch.where(mistake[..., None], error[:, None], torch.where(undo[..., None], 0.0, numbers))
@@ -213,10 +219,7 @@ def pose_randomly(solids: Solids, config: SynthesisConfig, generator: torch.Gene
 def frame_clouds(solids: Solids, n: int, generator: torch.Generator) -> tuple[Solids, Tensor, Tensor]:
     """Programs and clouds [b, n, 3] in the frame of the cloud (box centre 0, box diagonal 1), and which rows have a proper cloud."""
     points, _, count = surface_clouds(solids, n, generator)
-    low, high = points.amin(1), points.amax(1)
-    middle, scale = (low + high) / 2, 1 / torch.linalg.vector_norm(high - low, dim=-1).clamp_min(1e-9)
-    placed = replace(solids, centers=(solids.centers - middle[:, None]) * scale[:, None, None], sizes=solids.sizes * scale[:, None, None])
-    return placed, (points - middle[:, None]) * scale[:, None, None], count == n
+    return *fit_frame(solids, points), count == n
 
 
 def estimate_iou(a: Solids, b: Solids, samples: int, generator: torch.Generator, alike: int = 1) -> Tensor:

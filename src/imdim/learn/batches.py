@@ -37,6 +37,7 @@ class Batches(Dataset[list[Batch] | Exception]):
         self.device = "cpu" if config.workers else config.device
         self.mine = range(processes.rank, config.shards, processes.count)
         self.data = NPZCADDataset(config.data_root, config.max_seq_len) if config.data_root else None
+        self.kept: dict[int, dict[int, Batch]] = {}
         self.per_epoch = max(1, (len(self.data) if self.data else config.samples_per_epoch) // config.batch_size)
 
     def __getitem__(self, step: int) -> list[Batch] | Exception:
@@ -54,8 +55,21 @@ class Batches(Dataset[list[Batch] | Exception]):
             epoch, place = divmod(step, self.per_epoch)
             order = torch.randperm(len(self.data), generator=chunk_generator(config.seed, ORDER_STREAM, epoch))
             chosen = order[place * config.batch_size : (place + 1) * config.batch_size][shard :: config.shards].tolist()
+        elif config.together > 1:
+            whole, at = divmod(step, config.together)
+            made = self._made(whole, shard, len(chosen) * config.together)
+            return made._make(tensor[at * len(chosen) : (at + 1) * len(chosen)] for tensor in made)
         generator = chunk_generator(config.seed, TRAIN_STREAM, step * config.shards + shard, self.device)
         return _samples(self.data, chosen, config, generator)
+
+    def _made(self, whole: int, shard: int, count: int) -> Batch:
+        """Part `shard` of the samples of several steps, number `whole`; the last ones made are kept."""
+        if whole not in self.kept:
+            self.kept = {whole: {}}
+        if shard not in self.kept[whole]:
+            generator = chunk_generator(self.config.seed, TRAIN_STREAM, whole * self.config.shards + shard, self.device)
+            self.kept[whole][shard] = _samples(None, range(count), self.config, generator)
+        return self.kept[whole][shard]
 
     def steps(self, first: int, end: int) -> Iterator[list[Batch]]:
         """The items from `first` to before `end`, on the device, made ahead where there are workers."""

@@ -3,7 +3,8 @@
 The box of the target's cloud is the ruler. Along each of its three axes a place is one of `STEPS` + 1 marks from face to face, some marks
 further out, or "beyond". A primitive is its `turn` (the axis of a cylinder, or a free rotation) and the low and high ends of its own
 axis-parallel box, so that faces of boxes and ends of cylinders stand where the cloud shows them. Only what is turned freely needs more: two
-columns of its rotation (or another of the `ROTATION_CODES`) and the logarithms of its sizes.
+columns of its rotation (or another of the `ROTATION_CODES`) and the logarithms of its sizes. Cones and tori stand in the cylinders that
+hold them, ellipsoids in boxes; a cone has its taper beside, which tells how much its ends differ.
 
 Ends of cutters outside of the cloud's box are one choice: where a cut leaves the solid, its length is nobody's to know.
 """
@@ -11,22 +12,23 @@ Ends of cutters outside of the cloud's box are one choice: where a cut leaves th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
 from torch.nn.functional import one_hot
 
 from imdim.data.canonical import shortest_from_z
-from imdim.data.solids import BOX, CYLINDER, SPHERE, Solids
+from imdim.data.solids import BOX, CONE, CYLINDER, SPHERE, TORUS, Solids
 from imdim.learn.rotations import ROTATION_CODES
 
 STEPS, OUTSIDE = 40, 20
 PLACES = STEPS + 1 + 2 * OUTSIDE + 2  # beyond low, OUTSIDE marks, the marks of the box, OUTSIDE marks, beyond high
 FIRST = OUTSIDE + 1  # the place of the box's low face
 FREE, TURNS = 3, 4  # the turn of what no coordinate axis describes; 0 to 2: along x, y, z
+OVAL = 1  # the turn of a sphere that is an ellipsoid along the axes; 0: a ball
 BINS = 41
-ENDS, NUMBERS = 6, 9
+ENDS, NUMBERS, TAPER = 6, 10, 9
 HIDDEN, BEYOND = 0.02, 0.1  # of an edge: a cutter's end further out is not seen, and where a network is told it is
 THROUGH = 1.0  # of the longest edge: where such an end is put
 ALIGNED = math.cos(math.radians(2.5))
@@ -36,8 +38,8 @@ LOG_LOW, LOG_HIGH = math.log(0.005), math.log(1.3)
 
 @dataclass(frozen=True)
 class Choices:
-    """`turn` [b], `places` [b, 6] (x low, x high, y low, ...) and `bins` [b, 9] (z axis, x axis, sizes), int64; `offsets` [b, 15] from the
-    mark or bin, in steps, -0.5 to 0.5."""
+    """`turn` [b], `places` [b, 6] (x low, x high, y low, ...) and `bins` [b, 10] (z axis, x axis, sizes, taper), int64; `offsets` [b, 16]
+    from the mark or bin, in steps, -0.5 to 0.5."""
 
     turn: Tensor
     places: Tensor
@@ -55,11 +57,17 @@ class Choices:
         return torch.cat([self.shares(), (self.bins + self.offsets[:, ENDS:]) / (BINS - 1)], 1)
 
     def mask_used_bins(self, kinds: Tensor, code: str = "columns") -> Tensor:
-        """Which of the nine bins mean something, bool [b, 9], for tokens `kinds` [b]; `code` is of the rotation."""
-        box, turn = (kinds == BOX)[:, None], ROTATION_CODES[code]
-        needed = torch.where(box, turn.box, turn.cylinder) > torch.arange(6, device=kinds.device)
-        always = torch.ones_like(box)
-        return (self.turn == FREE)[:, None] & torch.cat([needed, always, always, box], 1)
+        """Which of the bins mean something, bool [b, NUMBERS], for tokens `kinds` [b]; `code` is of the rotation."""
+        cornered, turn = ((kinds == BOX) | (kinds == SPHERE))[:, None], ROTATION_CODES[code]
+        needed = torch.where(cornered, turn.box, turn.cylinder) > torch.arange(6, device=kinds.device)
+        always = torch.ones_like(cornered)
+        free = (self.turn == FREE)[:, None] & torch.cat([needed, always, always, cornered], 1)
+        return torch.cat([free, (kinds == CONE)[:, None]], 1)
+
+    def as_drawn(self) -> Choices:
+        """Zero where the turn leaves nothing to choose: the bins of rotations and sizes along the axes."""
+        drawn = (self.turn == FREE)[:, None] | (torch.arange(NUMBERS, device=self.turn.device) == TAPER)
+        return replace(self, bins=self.bins * drawn)
 
 
 def numbers_of(solids: Solids, low: Tensor, edges: Tensor, code: str = "columns") -> Tensor:
@@ -79,18 +87,24 @@ def ruler(gt_points: Tensor) -> tuple[Tensor, Tensor]:
 
 def encode(part: Solids, low: Tensor, edges: Tensor, code: str = "columns") -> Choices:
     """The choices that describe canonical primitives `part` [b, 1] by the ruler `low`, `edges` [b, 3]."""
-    kinds, rotation, sizes = part.kinds[:, 0], part.rotations[:, 0], part.sizes[:, 0]
+    kinds, rotation, sizes = part.kinds[:, 0], part.rotations[:, 0], to_hulls(part)[:, 0]
     axis = rotation[..., 2].abs()
     along = axis.argmax(-1)
-    straight = torch.where(kinds == BOX, rotation.diagonal(dim1=-2, dim2=-1).amin(-1), axis.amax(-1)) > ALIGNED
-    turn = torch.where(kinds == SPHERE, 0, torch.where(straight, torch.where(kinds == CYLINDER, along, 0), FREE))
+    oval, turning = part.ellipsoids[:, 0], _is_turned(kinds)
+    straight = torch.where(turning, axis.amax(-1), rotation.diagonal(dim1=-2, dim2=-1).amin(-1)) > ALIGNED
+    turn = torch.where(straight, torch.where(turning, along, torch.where(oval, OVAL, 0)), FREE)
+    turn = torch.where((kinds == SPHERE) & ~oval, 0, turn)
     half, middle = half_extents(kinds, rotation, sizes, turn), part.centers[:, 0] - low
+    # of what is turned freely the ends say the middle alone: where they are further out than marks go they move in by as much each
+    room = torch.minimum(middle, edges - middle) + edges * (OUTSIDE / STEPS)
+    half = torch.where((turn == FREE)[:, None], torch.minimum(half, room.clamp_min(0.0)), half)
     ends = torch.stack([middle - half, middle + half], -1) / edges[..., None]
     flat = ((kinds == BOX)[:, None] | ((kinds == CYLINDER)[:, None] & one_hot(along, 3).bool())) & (turn != FREE)[:, None]
     unseen = (flat & ~part.positive)[..., None] & ((ends < -HIDDEN) | (ends > 1 + HIDDEN))
     places, shift = to_places(ends.flatten(1), unseen.flatten(1))
     scaled = (torch.log(sizes.clamp_min(SMALLEST)) - LOG_LOW) / (LOG_HIGH - LOG_LOW)
-    bins, moved = to_bins(torch.cat([ROTATION_CODES[code].numbers(rotation), scaled], -1))
+    taper = (to_taper(part) + 1) / 2
+    bins, moved = to_bins(torch.cat([ROTATION_CODES[code].numbers(rotation), scaled, taper], -1))
     return Choices(turn, places, bins, torch.cat([shift, moved], -1))
 
 
@@ -104,30 +118,68 @@ def decode(kinds: Tensor, positive: Tensor, choices: Choices, low: Tensor, edges
     known = (places != 0) & (places != PLACES - 1)
     turned = one_hot(choices.turn.clamp_max(2), 3).bool()
     free = choices.turn == FREE
+    turning, ball = _is_turned(kinds), (kinds == SPHERE) & (choices.turn == 0)
     # the axes along which the primitive is as wide as its radius
-    across = ((kinds == SPHERE)[:, None] | ((kinds == CYLINDER)[:, None] & ~turned)) & ~free[:, None]
+    across = (ball[:, None] | (turning[:, None] & ~turned)) & ~free[:, None]
     radius, middle = _radius_and_middle(ends, known, across)
     edge = (ends[..., 1] - ends[..., 0]).abs()
     height = (edge * turned).sum(-1)
     zero = torch.zeros_like(radius)
-    round_sizes = torch.stack([radius, torch.where(kinds == CYLINDER, height, zero), zero], -1)
+    round_sizes = torch.stack([radius, height, zero], -1)
     numbers = choices.values()[:, ENDS:]
-    free_sizes = torch.exp(LOG_LOW + numbers[:, 6:] * (LOG_HIGH - LOG_LOW))
-    sizes = torch.where(free[:, None], free_sizes, torch.where((kinds == BOX)[:, None], edge, round_sizes))
+    free_sizes = torch.exp(LOG_LOW + numbers[:, 6:TAPER] * (LOG_HIGH - LOG_LOW))
+    hulls = torch.where(free[:, None], free_sizes, torch.where((turning | ball)[:, None], round_sizes, edge)).clamp_min(SMALLEST)
     eye = torch.eye(3, device=kinds.device)
-    straight = torch.where((kinds == CYLINDER)[:, None, None], shortest_from_z(eye[choices.turn.clamp_max(2)]), eye)
+    straight = torch.where(turning[:, None, None], shortest_from_z(eye[choices.turn.clamp_max(2)]), eye)
     rotation = torch.where(free[:, None, None], ROTATION_CODES[code].rotations(numbers[:, :6]), straight)
-    columns = (kinds, positive, middle, sizes.clamp_min(SMALLEST), rotation)
+    sizes = from_hulls(kinds, hulls, 2 * numbers[:, TAPER] - 1, ball)
+    columns = (kinds, positive, middle, sizes, rotation)
     return Solids(*(column[:, None] for column in columns))
 
 
+def _is_turned(kinds: Tensor) -> Tensor:
+    """Which kinds are round about their axis and no balls."""
+    return (kinds == CYLINDER) | (kinds == CONE) | (kinds == TORUS)
+
+
+def to_hulls(part: Solids) -> Tensor:
+    """Sizes [b, t, 3] of what holds the primitives most tightly: edges of boxes, radius and height of cylinders, radius of balls."""
+    a, b, c = part.sizes.unbind(-1)
+    zero, kinds = torch.zeros_like(a), part.kinds[..., None]
+    cone, ring = torch.stack([torch.maximum(a, b), c, zero], -1), torch.stack([a + b, 2 * b, zero], -1)
+    hulls = torch.where(part.ellipsoids[..., None], 2 * part.sizes, part.sizes)
+    return torch.where(kinds == CONE, cone, torch.where(kinds == TORUS, ring, hulls))
+
+
+def to_taper(part: Solids) -> Tensor:
+    """By how much the top of cones [b, t] is wider than the bottom, -1 (a tip at the top) to 1, as a share of the wider one; else 0."""
+    bottom, top, _ = part.sizes.unbind(-1)
+    taper = (top - bottom) / torch.maximum(top, bottom).clamp_min(SMALLEST)
+    return torch.where(part.kinds == CONE, taper.clamp(-1, 1), 0.0)
+
+
+def from_hulls(kinds: Tensor, hulls: Tensor, taper: Tensor, ball: Tensor) -> Tensor:
+    """Sizes [b, 3] of primitives `kinds` [b] that are held by `hulls` [b, 3]; of spheres those that are a `ball`, bool [b]."""
+    wide, tall, _ = hulls.unbind(-1)
+    zero = torch.zeros_like(wide)
+    narrow = wide * (1 - taper.abs())
+    cone = torch.stack([torch.where(taper > 0, narrow, wide), torch.where(taper > 0, wide, narrow), tall], -1)
+    minor = torch.minimum(tall, wide) / 2
+    ring, cylinder = torch.stack([wide - minor, minor, zero], -1), torch.stack([wide, tall, zero], -1)
+    sphere = torch.where(ball[:, None], torch.stack([wide, zero, zero], -1), hulls / 2)
+    kinds = kinds[:, None]
+    sizes = torch.where(kinds == CONE, cone, torch.where(kinds == TORUS, ring, torch.where(kinds == CYLINDER, cylinder, hulls)))
+    return torch.where(kinds == SPHERE, sphere, sizes)
+
+
 def half_extents(kinds: Tensor, rotation: Tensor, sizes: Tensor, turn: Tensor) -> Tensor:
-    """Half the edges [b, 3] of the axis-parallel boxes of primitives; nearly straight ones count as straight."""
+    """Half the edges [b, 3] of the axis-parallel boxes of hulls of `sizes` [b, 3] (see `to_hulls`); nearly straight ones are straight."""
     axis = torch.where((turn == FREE)[:, None], rotation[..., 2].abs(), one_hot(turn.clamp_max(2), 3).to(sizes))
     box = torch.where((turn == FREE)[:, None], (rotation.abs() @ sizes[..., None])[..., 0], sizes) / 2
     radius, height = sizes[:, :1], sizes[:, 1:2]
     cylinder = height / 2 * axis + radius * torch.sqrt((1 - axis.square()).clamp_min(0.0))
-    return torch.where((kinds == BOX)[:, None], box, torch.where((kinds == CYLINDER)[:, None], cylinder, radius))
+    cornered = (kinds == BOX) | ((kinds == SPHERE) & (turn != 0))
+    return torch.where(cornered[:, None], box, torch.where(_is_turned(kinds)[:, None], cylinder, radius))
 
 
 def to_places(ends: Tensor, unseen: Tensor) -> tuple[Tensor, Tensor]:

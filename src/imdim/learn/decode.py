@@ -9,7 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from imdim.data.solids import ABSENT, CYLINDER, Solids, empty
+from imdim.data.solids import ABSENT, Solids, adds_primitive, empty
 from imdim.data.surfaces import surface_clouds
 from imdim.learn.policy import Move, Policy, Sight
 from imdim.program.state import END, UNDO_LAST
@@ -78,7 +78,7 @@ def apply_move(solids: Solids, move: Move) -> Solids:
     """The sequences after the move."""
     rows = torch.arange(len(move.tokens), device=move.tokens.device)
     width, length = solids.kinds.shape[1], solids.lengths
-    adds = (move.tokens <= CYLINDER) & (length < width)
+    adds = adds_primitive(move.tokens) & (length < width)
     at = rows[adds], length[adds]
     after = Solids(*(getattr(solids, f.name).index_put(at, getattr(move.part, f.name)[adds, 0]) for f in fields(Solids)))
     back = move.tokens == int(UNDO_LAST)

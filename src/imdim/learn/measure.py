@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from imdim.data.canonical import box_symmetries, canonical_primitives
-from imdim.data.solids import BOX, CYLINDER, SPHERE, Solids, to_sequences
+from imdim.data.solids import BOX, SPHERE, Solids, adds_primitive, to_sequences
 from imdim.data.synthesize import TrainingSamples
 from imdim.learn.codes import FREE, encode, ruler
 from imdim.learn.policy import Move, Policy, Sight
@@ -39,15 +39,15 @@ def moves(policy: Policy, batch: TrainingSamples) -> tuple[Move, Tensor]:
 
 def errors_by_kind(batch: TrainingSamples, move: Move) -> dict[str, KindError]:
     """Errors of the proposed primitives, by kind, where the proposed kind is the true one; both are made canonical. "turned" are
-    boxes and cylinders along no coordinate axis."""
+    primitives other than balls along no coordinate axis."""
     tokens, part = batch.following
     truth, part = canonical_primitives(part), canonical_primitives(move.part)
     center = torch.linalg.vector_norm(truth.centers - part.centers, dim=-1)[:, 0]
     size = (truth.sizes - part.sizes).abs().amax(-1)[:, 0]
     angle = _angles(truth, part)[:, 0]
     right = tokens == move.tokens
-    turned = (tokens != SPHERE) & (encode(truth, *ruler(batch.gt_points)).turn == FREE)
-    met = {**{name: tokens == int(TOKEN_OF[name]) for name in ("box", "sphere", "cylinder")}, "turned": (tokens <= CYLINDER) & turned}
+    turned = adds_primitive(tokens) & (encode(truth, *ruler(batch.gt_points)).turn == FREE)
+    met = {**{name: tokens == int(token) for name, token in TOKEN_OF.items()}, "turned": turned}
     found = {}
     for name, rows in met.items():
         here = right & rows
@@ -70,10 +70,11 @@ def summary(values: list[float]) -> dict[str, float]:
 
 
 def _angles(truth: Solids, found: Solids) -> Tensor:
-    """Degrees [b, t] between boxes up to their 24 symmetries, between axes of cylinders; 0 for balls."""
+    """Degrees [b, t] between boxes or ellipsoids up to their 24 symmetries, between axes of others; 0 for balls."""
     relative = truth.rotations.mT @ found.rotations
     trace = torch.einsum("...ij,gji->...g", relative, box_symmetries().to(relative)).amax(-1)
     box = torch.rad2deg(torch.arccos(((trace - 1) / 2).clamp(-1, 1)))
     axis = torch.rad2deg(torch.arccos(relative[..., 2, 2].abs().clamp(0, 1)))
     zero = torch.zeros_like(axis)
-    return torch.where(truth.kinds == BOX, box, torch.where(truth.kinds == CYLINDER, axis, zero))
+    turned = torch.where((truth.kinds == BOX) | truth.ellipsoids, box, axis)
+    return torch.where((truth.kinds == SPHERE) & ~truth.ellipsoids, zero, turned)

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from imdim.data.solids import CYLINDER, PAD, Solids
+from imdim.data.solids import ADDING, PAD, Solids
 from imdim.data.synthesize import TrainingSamples
-from imdim.program.state import END, UNDO_LAST
+from imdim.program.state import END, UNDO_LAST, Token
 
-VOCAB = 5  # ADD_BOX, ADD_SPHERE, ADD_CYLINDER, UNDO_LAST, END; later tokens are not of signed sequences of these three
+VOCAB = len(Token)
 
 
 class Move(NamedTuple):
@@ -34,16 +34,22 @@ class Move(NamedTuple):
 class Sight(NamedTuple):
     """States as a policy sees them: targets `gt_points` [b, n, 3], the cloud `current` [b, m, 3] (zeros: empty) of the `written` programs,
     and whether each `may_undo` [b]. Else UNDO_LAST is barred: a policy that adds and takes back without end would not halt.
+
+    Where the program has more than primitives, `outside` [b, n] is how far the target's points are outside of it (negative: within), and
+    `written` is empty. Who `must_add` asks for primitives alone.
     """
 
     gt_points: Tensor
     current: Tensor
     written: Solids
     may_undo: Tensor
+    outside: Tensor | None = None
+    must_add: bool = False
 
     def of(self, rows: Tensor) -> Sight:
         """Some rows."""
-        return Sight(self.gt_points[rows], self.current[rows], self.written[rows], self.may_undo[rows])
+        outside = None if self.outside is None else self.outside[rows]
+        return Sight(self.gt_points[rows], self.current[rows], self.written[rows], self.may_undo[rows], outside, self.must_add)
 
 
 class Policy(nn.Module):
@@ -75,15 +81,23 @@ def legal(lengths: Tensor, most: int, may_undo: Tensor | None = None) -> Tensor:
     mask = torch.ones(len(lengths), VOCAB, dtype=torch.bool, device=lengths.device)
     mask[:, int(END)] = lengths > 0
     mask[:, int(UNDO_LAST)] = lengths > 0 if may_undo is None else (lengths > 0) & may_undo
-    mask[:, : CYLINDER + 1] = (lengths < most)[:, None]
+    mask[:, list(ADDING)] = (lengths < most)[:, None]
     return mask
 
 
 def choose_tokens(
-    logits: Tensor, lengths: Tensor, most: int, generator: torch.Generator | None, may_undo: Tensor | None = None
+    logits: Tensor,
+    lengths: Tensor,
+    most: int,
+    generator: torch.Generator | None,
+    may_undo: Tensor | None = None,
+    must_add: bool = False,
 ) -> tuple[Tensor, Tensor]:
-    """Tokens [b] and their log p [b] among the legal ones."""
-    return draw_index(logits.masked_fill(~legal(lengths, most, may_undo), -torch.inf), generator)
+    """Tokens [b] and their log p [b] among the legal ones, or among those that add a primitive."""
+    mask = legal(lengths, most, may_undo)
+    if must_add:
+        mask[:, [token for token in range(VOCAB) if token not in ADDING]] = False
+    return draw_index(logits.masked_fill(~mask, -torch.inf), generator)
 
 
 def token_log_p(logits: Tensor, tokens: Tensor, lengths: Tensor, most: int, may_undo: Tensor | None = None) -> Tensor:

@@ -15,10 +15,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from imdim.data.canonical import canonical_primitives
-from imdim.data.solids import ABSENT, CYLINDER, Solids
+from imdim.data.solids import ABSENT, BOX, Solids, adds_primitive
 from imdim.data.synthesize import TrainingSamples
 from imdim.learn.attention import Layer, causal
-from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, numbers_of, ruler, to_bins
+from imdim.learn.codes import BINS, ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, numbers_of, ruler, to_bins
 from imdim.learn.draft import Draft, StateView
 from imdim.learn.pointer import Pointer
 from imdim.learn.policy import VOCAB, Move, Policy, Sight, choose_tokens, draw_index, token_log_p
@@ -85,9 +85,9 @@ class BasePolicy(Policy):
     def losses(self, batch: TrainingSamples) -> dict[str, Tensor]:
         """Cross-entropies (nats) of the step after the prefix that `cur_points` shows; `ends` and `numbers` are sums over a primitive's."""
         tokens, part = batch.following
-        adds = (tokens <= CYLINDER).float()
+        adds = adds_primitive(tokens).float()
         view = self._view(batch.gt_points, batch.cur_points, batch.written)
-        draft = Draft(tokens, part.positive[:, 0].long(), encode(part, view.low, view.edges, self.config.rotation), [])
+        draft = Draft(tokens, part.positive[:, 0].long(), encode(part, view.low, view.edges, self.config.rotation).as_drawn(), [])
         log_p, shift, logits = self._log_p(view, draft)
         count = adds.sum().clamp_min(1)
         parts = {name: -(value * adds).sum() / count for name, value in log_p.items() if name != "token"}
@@ -97,14 +97,14 @@ class BasePolicy(Policy):
         return {"loss": torch.as_tensor(loss), **parts, "token_accuracy": accuracy}
 
     def propose(self, seen: Sight, generator: torch.Generator | None = None, ways: int = 1) -> Move:
-        view, lengths = self._view(*seen[:3]).repeat(ways), seen.written.lengths.repeat_interleave(ways)
+        view, lengths = self._view(*seen[:3], seen.outside).repeat(ways), seen.written.lengths.repeat_interleave(ways)
         b, device = len(lengths), lengths.device
         zeros = torch.zeros(b, SLOTS, dtype=torch.long, device=device)
         choices = Choices(zeros[:, 0], zeros[:, :ENDS].clone(), zeros[:, :NUMBERS].clone(), torch.zeros(b, ENDS + NUMBERS, device=device))
         draft = Draft(zeros[:, 0], zeros[:, 0], choices, [])
-        token = self.to_token(self._encode_slots(view, draft, 1)[:, 0])
-        draft.tokens, log_p = choose_tokens(token, lengths, self.max_seq_len - 1, generator, seen.may_undo.repeat_interleave(ways))
-        adds = (draft.tokens <= CYLINDER).float()
+        token, undo = self.to_token(self._encode_slots(view, draft, 1)[:, 0]), seen.may_undo.repeat_interleave(ways)
+        draft.tokens, log_p = choose_tokens(token, lengths, self.max_seq_len - 1, generator, undo, seen.must_add)
+        adds = adds_primitive(draft.tokens).float()
         first = torch.tensor([-torch.inf, 0.0], device=device)
         sign = torch.where((lengths == 0)[:, None], first, self.to_sign(self._encode_slots(view, draft, 2)[:, 1]))
         draft.sign, log_sign = draw_index(sign, generator)
@@ -117,7 +117,8 @@ class BasePolicy(Policy):
         free = used.any(1).nonzero()[:, 0]
         if len(free):
             log_p = log_p.index_add(0, free, self._draw_numbers(view, draft, free, generator))
-        part = decode(draft.tokens.clamp_max(CYLINDER), draft.sign.bool(), draft.choices, view.low, view.edges, self.config.rotation)
+        kinds = torch.where(adds > 0, draft.tokens, BOX)
+        part = decode(kinds, draft.sign.bool(), draft.choices, view.low, view.edges, self.config.rotation)
         return Move(draft.tokens, canonical_primitives(part) if self.config.canonical else part, log_p, draft.draws())
 
     def log_prob(self, seen: Sight, move: Move) -> Tensor:
@@ -130,7 +131,7 @@ class BasePolicy(Policy):
         token = token_log_p(logits, move.tokens, lengths, self.max_seq_len - 1, may_undo)
         # the first primitive is positive without a choice
         primitive = log_p["sign"] * (lengths > 0) + log_p["turn"] + log_p["ends"] + log_p["numbers"]
-        return token + primitive * (move.tokens <= CYLINDER)
+        return token + primitive * adds_primitive(move.tokens)
 
     def _draw_end(self, view: StateView, draft: Draft, end: int, generator: torch.Generator | None) -> Tensor:
         """Choose one end in place; its log p [b]."""
@@ -145,7 +146,7 @@ class BasePolicy(Policy):
         return log_p
 
     def _draw_numbers(self, view: StateView, draft: Draft, rows: Tensor, generator: torch.Generator | None) -> Tensor:
-        """Choose the numbers of the free rotations of `rows` in place; their log p [rows]."""
+        """Choose the numbers of free rotations and of tapers of `rows` in place; their log p [rows]."""
         view, part = view.only(rows), draft.only(rows)
         code, log_p = ROTATION_CODES[self.config.rotation], torch.zeros(len(rows), device=rows.device)
         used = part.choices.mask_used_bins(part.tokens, self.config.rotation)
@@ -153,7 +154,10 @@ class BasePolicy(Policy):
             if slot == 3:
                 # what a cylinder's x axis is in the data, it is here
                 implied, _ = to_bins(code.implied(part.choices.values()[:, ENDS : ENDS + 3]))
-                part.choices.bins[:, 3:6] = torch.where(used[:, 3:6], 0, implied)
+                spun = (part.choices.turn == FREE)[:, None] & ~used[:, 3:6]
+                part.choices.bins[:, 3:6] = torch.where(spun, implied, 0)
+            if not used[:, slot].any():
+                continue
             index, shift, log_index = self._draw_bin(self._encode_slots(view, part, HEAD + ENDS + slot + 1)[:, -1], slot, generator)
             part.choices.bins[:, slot] = torch.where(used[:, slot], index, part.choices.bins[:, slot])
             part.choices.offsets[:, ENDS + slot] = shift
@@ -197,11 +201,12 @@ class BasePolicy(Policy):
         shift = shift + ((moved - choices.offsets[:, ENDS:]).square() * used).sum(1)
         return ends, (numbers * used).sum(1), shift
 
-    def _view(self, gt_points: Tensor, cur_points: Tensor, written: Solids) -> StateView:
+    def _view(self, gt_points: Tensor, cur_points: Tensor, written: Solids, outside: Tensor | None = None) -> StateView:
         low, edges = ruler(gt_points)
         if not self.config.feedback:
             cur_points, written = torch.zeros_like(cur_points), replace(written, kinds=torch.full_like(written.kinds, ABSENT))
-        clouds = look(gt_points[:, : self.config.gt_points], cur_points[:, : self.config.cur_points], written, low, edges)
+        seen, shown = gt_points[:, : self.config.gt_points], cur_points[:, : self.config.cur_points]
+        clouds = look(seen, shown, written, low, edges, None if outside is None else outside[:, : seen.shape[1]])
         sign = torch.where(written.positive, 1.0, -1.0)[..., None]
         kinds = F.one_hot(written.kinds.clamp_min(0), VOCAB)
         numbers = numbers_of(written, low, edges, self.config.rotation)

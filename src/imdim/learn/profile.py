@@ -38,19 +38,19 @@ class Clouds:
 
 
 @torch.no_grad()
-def look(gt_points: Tensor, cur_points: Tensor, written: Solids, low: Tensor, edges: Tensor) -> Clouds:
-    """The clouds of targets [b, n, 3] and of what is `written` [b, m, 3] (zeros: nothing), with what each point knows."""
+def look(gt_points: Tensor, cur_points: Tensor, written: Solids, low: Tensor, edges: Tensor, outside: Tensor | None = None) -> Clouds:
+    """The clouds of targets [b, n, 3] and of what is `written` [b, m, 3] (zeros: nothing), with what each point knows; how far it is
+    `outside` [b, n] of what is written follows from its primitives where it is not given."""
     with torch.autocast(gt_points.device.type, enabled=False):
-        return _clouds(gt_points, cur_points, written, low, edges)
+        return _clouds(gt_points, cur_points, fold_levels(written, gt_points) if outside is None else outside, low, edges)
 
 
-def _clouds(gt_points: Tensor, cur_points: Tensor, written: Solids, low: Tensor, edges: Tensor) -> Clouds:
+def _clouds(gt_points: Tensor, cur_points: Tensor, outside: Tensor, low: Tensor, edges: Tensor) -> Clouds:
     points = torch.cat([gt_points, cur_points], 1)
     table = voxel_moments(gt_points)
     rows = torch.arange(len(points), device=points.device)[:, None]
     moments = table[rows, voxel_of(points)]
     moments[..., 1:4] = (points - moments[..., 1:4]) * VOXELS * moments[..., :1].sign()
-    outside = fold_levels(written, gt_points)
     there = cur_points.flatten(1).any(1)[:, None]
     shares = relative(points, low, edges)
     level = torch.cat([outside, torch.zeros_like(cur_points[..., 0])], 1)

@@ -144,6 +144,6 @@ def _join(parts: list[Written], width: int) -> Written:
         torch.cat([p.move.log_p for p in parts]),
         torch.cat(draws) if draws else None,
     )
-    clouds, current, written, may_undo = zip(*(p.seen for p in parts), strict=True)
+    clouds, current, written, may_undo = zip(*(p.seen[:4] for p in parts), strict=True)
     seen = Sight(torch.cat(clouds), torch.cat(current), concatenate(list(written), width), torch.cat(may_undo))
     return Written(seen, move, torch.cat([p.advantage for p in parts]))

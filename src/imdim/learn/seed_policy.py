@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from imdim.data.canonical import canonical_primitives
-from imdim.data.solids import CYLINDER, Solids, from_sequences
+from imdim.data.solids import BOX, SPHERE, Solids, adds_primitive, from_sequences
 from imdim.data.synthesize import TrainingSamples
 from imdim.geometry.points import compute_error_embedding
 from imdim.learn.pointnet import PointNet
@@ -124,8 +124,10 @@ class SeedPolicy(Policy):
         token, log_p = choose_tokens(logits, lengths, self.max_seq_len - 1, generator, seen.may_undo)
         tokens = tokens.index_put(at, token)
         numbers = forward_params_only(self.components, seen.gt_points, seen.current, tokens)[0][at]
-        part = from_sequences(token[:, None].clamp_max(CYLINDER), numbers[:, None])
-        part = replace(part, positive=part.positive | (lengths == 0)[:, None], sizes=part.sizes.clamp_min(1e-3))
+        part = from_sequences(torch.where(adds_primitive(token), token, BOX)[:, None], numbers[:, None])
+        # the first design knows balls alone, whatever it writes into the other two numbers
+        balls = (part.kinds == SPHERE)[..., None] & (torch.arange(3, device=token.device) > 0)
+        part = replace(part, positive=part.positive | (lengths == 0)[:, None], sizes=part.sizes.clamp_min(1e-3).masked_fill(balls, 0.0))
         return Move(token, canonical_primitives(part), log_p)
 
     def log_prob(self, seen: Sight, move: Move) -> Tensor:
@@ -146,7 +148,7 @@ class SeedPolicy(Policy):
 def seed_losses(params: Tensor, logits: Tensor, tokens: Tensor, targets: Tensor, sign_weight: float = 1.0) -> dict[str, Tensor]:
     """`loss` and its parts, and `token_accuracy`, with padding and steps that are taken back masked; shapes as in `forward_params_only`."""
     valid = mask_supervised(tokens)
-    adds = valid & (tokens <= CYLINDER)
+    adds = valid & adds_primitive(tokens)
     mse = F.mse_loss(params[adds][:, :9], targets[adds][:, :9])
     sign = F.binary_cross_entropy_with_logits(params[adds][:, 9], (targets[adds][:, 9] >= 0).float())
     token = F.cross_entropy(logits[valid], tokens[valid])

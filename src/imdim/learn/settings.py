@@ -33,8 +33,9 @@ class TrainConfig:
     step of the average of the weights that is validated and saved (0: the weights themselves).
 
     A batch is made of `shards` parts (0: as many as processes), each drawn apart. `workers` processes make samples ahead on the CPU
-    (0: they are made between the steps, on `device`; -1: one worker on a CPU, none on a GPU). `precision` is that of the networks'
-    products: float32, bfloat16, or auto, which is bfloat16 on a GPU.
+    (0: they are made between the steps, on `device`; -1: one worker on a CPU, none on a GPU). The samples of `together` steps are made
+    at once, which saves a GPU the time of starting many small kernels. `precision` is that of the networks' products: float32, bfloat16,
+    or auto, which is bfloat16 on a GPU.
     """
 
     experiment: str = "base"
@@ -48,6 +49,7 @@ class TrainConfig:
     measure_every: int = 8
     batch_size: int = 32
     shards: int = 0
+    together: int = 1
     lr: float = 5e-4
     warmup: int = 200
     cooldown: float = 0.2
