@@ -179,6 +179,21 @@ def test_a_noisy_clouds_time_is_not_spent_on_the_decision_tree(noisy):
     assert asked[-1] is seen
 
 
+@pytest.mark.parametrize("noisy", [True, False])
+def test_only_where_the_cells_have_the_last_word_their_search_is_said_to_be_cut(noisy, monkeypatch):
+    ball = Primitive("sphere", (1.0,))
+    for name, value in (("search_structure", iter([SimpleNamespace(sequence=(ball,), families=None)])), ("to_program", ball)):
+        monkeypatch.setattr(methods, name, lambda *_, value=value: value)
+    for name in ("tidy", "transfer"):
+        monkeypatch.setattr(methods, name, lambda sequence, _: sequence)
+    evidence, cells = SimpleNamespace(exact=False), SimpleNamespace(volume=1.0)
+    seen = SimpleNamespace(noisy=noisy, cells=cells, size_weight=1.0, evidence=evidence, copies_once=True, families=None)
+    budget = SimpleNamespace(end_of=lambda _: PASSED)
+    run = SimpleNamespace(seen=seen, settings=Settings(), part_of=lambda _: PASSED, budget=budget, rng=None)
+    proofs = SimpleNamespace(early=lambda _: None)
+    assert [*methods._search_structure(run, proofs)][-1].stop == ("finished" if noisy else methods.CUT)
+
+
 def test_where_every_cell_is_outside_the_search_has_no_program(monkeypatch):
     """Of a part that is as thin as its noise all cells may be taken for outside, and a sequence of no steps is best."""
     empty = SimpleNamespace(sequence=(), families=None)

@@ -11,18 +11,22 @@ from scipy.spatial.transform import Rotation
 from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 
 from imdim.data.solids import BOX, CYLINDER, Solids
+from imdim.deadline import NEVER
 from imdim.geometry.axes import main_axes
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.learn.checkpoint import save_net
 from imdim.learn.decode import DecodeConfig
 from imdim.learn.policy import Move, Policy
 from imdim.learn.policy_net import BaseConfig, BasePolicy
+from imdim.program.outline import rectangle
 from imdim.program.sequence import to_program
 from imdim.program.state import END
+from imdim.program.tree import Primitive
 from imdim.reconstruction import methods, pipeline
 from imdim.reconstruction.config import ConfigError, Settings
+from imdim.reconstruction.mdl import most_likely
 from imdim.reconstruction.observation import UnitBody, observe
-from imdim.reconstruction.policy_beam import decode_sequences, load, load_if_any, misfit, proposals
+from imdim.reconstruction.policy_beam import ASKED, decode_sequences, load, load_if_any, misfit, next_parts, proposals
 from imdim.search.mdl.primitive_selection import Cloud
 from imdim.target.target import in_unit_frame, sample_surface, target_from
 
@@ -67,6 +71,21 @@ def iou(found, truth):
     return volume_iou(to_manifold(found), to_manifold(truth))
 
 
+def test_a_policy_is_asked_for_more_in_the_pose_and_units_of_a_program():
+    """It sees a primitive as what it wrote before, and a drawn part as a surface alone, before which it begins anew."""
+    pose = (25.0, -40.0, 70.0)
+    block = box(300, 200, 80, (1000.0, -50.0, 7.0), pose)
+    truth = cut(block, cylinder(40, 200, (1000.0, -50.0, 7.0), pose))
+    drawn = Primitive("extrude", (80.0,), (1000.0, -50.0, 7.0), pose, rectangle(300.0, 200.0))
+    points = cloud(truth)
+    bore = 0.1 * float(np.linalg.norm([300, 200, 80]))
+    expected = cut(block, cylinder(bore, 200, (1000.0, -50.0, 7.0), pose))
+    after, anew = (next_parts(Script(bore=0.1), points, p) for p in (block, drawn))
+    assert len(after) == len(anew) == ASKED
+    assert all(p.kind == "cylinder" and iou(cut(block, p), expected) >= 0.98 for p in set(after))
+    assert all(p.kind == "box" and iou(p, block) >= 0.98 for p in set(anew))
+
+
 def test_programs_come_back_in_the_pose_and_units_of_the_cloud():
     pose = (25.0, -40.0, 70.0)
     truth = cut(box(300, 200, 80, (1000.0, -50.0, 7.0), pose), cylinder(40, 200, (1000.0, -50.0, 7.0), pose))
@@ -77,6 +96,25 @@ def test_programs_come_back_in_the_pose_and_units_of_the_cloud():
     expected = cut(box(300, 200, 80, (1000.0, -50.0, 7.0), pose), cylinder(bore, 200, (1000.0, -50.0, 7.0), pose))
     assert max(iou(to_program(s), expected) for s in found) >= 0.98
     assert iou(proposals(Script(bore=0.1), points, 0.0)[0].program, truth) >= 0.99
+
+
+def test_a_noisy_search_asks_what_a_policy_would_write_and_then_what_it_would_add():
+    truth = cut(box(60, 40, 20), cylinder(6, 60))
+    points = cloud(truth) + np.random.default_rng(1).normal(size=(3000, 3)) * 0.4
+    asked = []
+
+    class Asked(Script):
+        def propose(self, seen, generator=None, ways=1):
+            asked.append(seen.must_add)
+            return super().propose(seen, generator, ways)
+
+    unit, frame = in_unit_frame(target_from(points))
+    rng = np.random.default_rng(0)
+    seen = observe(UnitBody.of(unit, rng), Settings().size_weight, rng)
+    found = frame.undo(most_likely([Primitive("sphere", (1.0,))], seen, NEVER, policy=Asked(bore=0.07)).program)
+    assert iou(found, truth) >= 0.97
+    assert asked[0] is False
+    assert asked[-1] is True
 
 
 def test_stray_points_do_not_move_the_box_that_a_policy_measures_by():

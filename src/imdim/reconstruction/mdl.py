@@ -25,7 +25,7 @@ from imdim.program.paths import Path, leaf_paths, without
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 from imdim.reconstruction.observation import Observation, UnitBody
-from imdim.reconstruction.policy_beam import proposals
+from imdim.reconstruction.policy_beam import beam_programs, has_time_for_beam, next_parts, proposals
 from imdim.relations.discover import discover
 from imdim.search.mdl.candidates.shell_slot import compounds
 from imdim.search.mdl.description_length import description_length
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 8192
 QUICK_POINTS = 4096
+LINEAGES = 2  # programs of a policy that are searched from
+MOST_ASKED = 6  # times that a policy is asked for more
 MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
 SCANNED = 1000  # points of a scanned mesh
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
@@ -78,7 +80,7 @@ def reconstruct_unlabelled(
     if not found or not noise.blurs:
         return NoisyFit(found[0], (), choose_by.has_passed()) if found else None
     cloud = _NoisyCloud.of(points, noise.sigma, drawn=drawn, scanners=body.target.scanners)
-    return cloud.find_shortest(found, choose_by, fit_by)
+    return replace(cloud, policy=policy).find_shortest(found, choose_by, fit_by)
 
 
 def reconstruct_scan(body: UnitBody, rng: np.random.Generator, choose_by: Deadline, fit_by: Deadline, drawn: bool) -> NoisyFit | None:
@@ -98,25 +100,30 @@ def reconstruct_scan(body: UnitBody, rng: np.random.Generator, choose_by: Deadli
 
 
 def most_likely(
-    programs: Sequence[Program], seen: Observation, choose_by: Deadline, fit_by: Deadline = NEVER, drawn: bool = False
+    programs: Sequence[Program],
+    seen: Observation,
+    choose_by: Deadline,
+    fit_by: Deadline = NEVER,
+    drawn: bool = False,
+    policy: Policy | None = None,
 ) -> NoisyFit:
     """The program that tells a noisy cloud in the shortest description, with the relations that the points support.
 
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives. Outlines are among
-    them if they may be `drawn`. The search ends at `choose_by`, and the numbers of its program are fitted until `fit_by` (by default to
-    the end).
+    them if they may be `drawn`. While time is left a `policy` is asked what it would add to the shortest. The search ends at `choose_by`,
+    and the numbers of its program are fitted until `fit_by` (by default to the end).
     """
     shared = find_shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
     points, scanners = seen.target.points, seen.target.scanners
     cloud = _NoisyCloud.of(points, seen.noise.sigma, shared, drawn=drawn, scanners=scanners)
-    return cloud.find_shortest(programs, choose_by, fit_by)
+    return replace(cloud, policy=policy).find_shortest(programs, choose_by, fit_by)
 
 
 @dataclass(frozen=True)
 class _NoisyCloud:
     """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]; outlines if `drawn`. What moves
     the surface by no more than `trifle`, the deviation of real things in a scan, is no feature. The `shadows` are those of known
-    scanners."""
+    scanners. The `policy`, if any, is asked for more parts."""
 
     points: np.ndarray
     sigma: float
@@ -124,6 +131,7 @@ class _NoisyCloud:
     drawn: bool
     trifle: float = 0.0
     shadows: Shadows | None = None
+    policy: Policy | None = None
 
     @staticmethod
     def of(
@@ -163,7 +171,7 @@ class _NoisyCloud:
         found = self._best_drawn(distinct(found, self._cloud)) if found else []
         seen = [*found, *compounds(found, self._cloud, self.sigma)]
         candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
-        best = self._search(programs, candidates, choose_by)
+        best = self._search(programs, candidates, choose_by, self._written(choose_by))
         cut = choose_by.has_passed()
         points = subsample(self.points, MOST_POINTS)
         shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
@@ -176,13 +184,23 @@ class _NoisyCloud:
         kept = set(best_by_mdl(drawn, self._draws, self._noise, MOST_DRAWN)) if len(drawn) > MOST_DRAWN else set(drawn)
         return [p for p in found if p.outline is None or p in kept]
 
-    def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
+    def _written(self, deadline: Deadline) -> list[Program]:
+        """What the policy writes, if there is one and time for it."""
+        if self.policy is None or not has_time_for_beam(deadline):
+            return []
+        return beam_programs(self.policy, self.points)
+
+    def _search(
+        self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline, written: Sequence[Program] = ()
+    ) -> FittedProgram:
         """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
-        kind and from the best of `programs`. What grows from one part is quick and stays short; of `programs`, which are long, the best is
-        known at least where time is out. In the end what the others found is offered to the best.
+        kind, from the best of `programs` and from the best of those that a policy has `written`. What grows from one part is quick and
+        stays short; of `programs`, which are long, the best is known at least where time is out. What a policy wrote is offered to its
+        own searches alone: with more to choose from the others would end elsewhere, and often worse. In the end what the others found is
+        offered to the best.
         """
         if deadline.has_passed() or not candidates:
-            return self._start(programs, deadline)
+            return self._start([*written, *programs], deadline)
         singles = [p for p in candidates if isinstance(p, Primitive)]
         plain = [p for p in candidates if all(leaf.outline is None for leaf in leaves(p))]
         # with what the others begin with each would become as they are
@@ -190,9 +208,24 @@ class _NoisyCloud:
         groups = [(plain, plain), *((own, [*plain, *own]) for own in drawn)]
         starts = [(self._first(some, deadline), offered) for some, offered in groups if some]
         starts.append((self._start(programs, deadline), candidates))
+        told = [*candidates, *dict.fromkeys(leaf for p in written for leaf in leaves(p))]
+        likeliest = best_by_mdl([*dict.fromkeys(written)], self._draws, self._noise, LINEAGES) if written else []
+        starts.extend((self._first([p], deadline), told) for p in likeliest)
         best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, deadline)) for s, offered in starts])
         offered = [*candidates, *(leaf for other in others for leaf in leaves(other.program))]
-        return deque([best, *(found for found, _ in self._shorten(best, offered, deadline))], maxlen=1).pop()
+        return self._ask(deque([best, *(found for found, _ in self._shorten(best, offered, deadline))], maxlen=1).pop(), deadline)
+
+    def _ask(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
+        """The best with what the policy would add to it, again and again until that is nothing of worth."""
+        for seed in range(MOST_ASKED):
+            if self.policy is None or deadline.has_passed():
+                break
+            offered = distinct(next_parts(self.policy, self.points, best.program, seed), self._cloud)
+            found = [found for found, _ in self._shorten(best, offered, deadline)]
+            if not found:
+                break
+            best = found[-1]
+        return best
 
     @staticmethod
     def _in_turn(lineages: list[_Lineage]) -> list[FittedProgram]:

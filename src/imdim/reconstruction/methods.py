@@ -38,7 +38,7 @@ from imdim.reconstruction.evolution import evolve_observation, log_generations, 
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
 from imdim.reconstruction.plain_program import SAME, has_drawings, is_plainer, may_be_plain, repeats_plainly
-from imdim.reconstruction.policy_beam import misfit, proposals
+from imdim.reconstruction.policy_beam import has_time_for_beam, misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import DEARER, Proofs
 from imdim.reconstruction.toothed_rims import draw_teeth
@@ -68,7 +68,6 @@ FITS_AS_WELL = 1e-5  # of IoU
 NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
 HIDDEN = 1e-5  # of it, by which solids of two forms of one program may differ
 FINELY = (SEGMENTS, 8 * SEGMENTS)  # of a circle, by which forms of one program are compared: arcs that end elsewhere have other corners
-PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
 
@@ -431,7 +430,8 @@ def _search_structure(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
             break
     if found is None or not found.sequence:
         return
-    cut = deadline.has_passed() and not enough
+    # of a noisy cloud the points are searched by in the end (`mdl`), and that search tells whether it was cut
+    cut = deadline.has_passed() and not enough and not seen.noisy
     # a range is as short as all cells that were ever seen allow
     every = sharpener.every if sharpener else found.families
     tidied = to_program(tidy(transfer(found.sequence, every), every), every)
@@ -497,17 +497,15 @@ def _grow_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
 def _propose_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
     """The best, or the policy's program for a cloud, where there is nothing or much is left and it fits far better.
 
-    The cells of a noisy cloud miss what detection missed: there it is always asked, and the points judge later (`mdl`).
+    Of a noisy cloud it is asked later, where the points judge (`mdl`).
     """
     seen = run.seen
-    if seen.target.mesh is not None or (best is not None and not seen.noisy and seen.error(best.program) <= POOR):
+    if seen.target.mesh is not None or (best is not None and (seen.noisy or seen.error(best.program) <= POOR)):
         return best
     proposed = _propose(run, [] if best is None else [best.program])
     if best is None:
         return proposed
-    if seen.noisy:
-        best = replace(best, others=(*best.others, proposed.program))
-    elif prefers_proposal(proposed.program, best.program, seen):
+    if prefers_proposal(proposed.program, best.program, seen):
         best = replace(best, stage="policy", program=proposed.program)
     return best.cut_if(proposed.stop == CUT)
 
@@ -541,7 +539,7 @@ def has_outlines(program: Program) -> bool:
 
 def time_to_propose(budget: Budget) -> bool:
     """Whether there is time for a policy."""
-    return budget.end_of("choose").left() >= PROPOSE_S
+    return has_time_for_beam(budget.end_of("choose"))
 
 
 def prefers_proposal(proposed: Program, program: Program, seen: Observation) -> bool:

@@ -7,6 +7,7 @@ and handed with the cloud to the solver of imperfect sequences. torch is only im
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,13 +16,14 @@ import trimesh
 
 from imdim.deadline import NEVER, Deadline
 from imdim.detection.cloud_denoise import inliers
+from imdim.geometry import kernels
 from imdim.geometry.axes import main_axes
 from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.cost import count
-from imdim.program.sequence import SignedSequence, of_primitives, to_sequence
-from imdim.program.tree import Primitive, Program
+from imdim.program.sequence import SignedSequence, of_primitives, to_program, to_sequence
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.config import LEARNING, NONE, SHIPPED, ConfigError, first_line, lacking, require_extra
 from imdim.reconstruction.poses import POINTS, Poses
 from imdim.search.mdl.primitive_selection import Cloud, PoolConfig
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
     from imdim.learn.decode import DecodeConfig
     from imdim.learn.policy import Policy
 
+ASKED, SHOWN = 64, 256  # draws of a policy, and points of a program's surface that it sees
+PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 MEASURED = 4096  # points each way of a misfit
 FINE = ProposalConfig(seen=1536, most=8192)  # dense clouds show walls thinner than a policy's cloud can
 
@@ -67,6 +71,51 @@ def decode_sequences(
     render, chance = (torch.Generator().manual_seed(2 * seed + stream) for stream in (0, 1))
     found, _ = beam_search(policy, poses.local(cloud[None]), config or DecodeConfig(), render, chance)
     return [sequence for sequence in to_signed(poses.back(found)) if sequence]
+
+
+def has_time_for_beam(deadline: Deadline) -> bool:
+    """Whether there is time to load torch and write a beam."""
+    return deadline.left() >= PROPOSE_S
+
+
+def beam_programs(policy: Policy, points: np.ndarray, seed: int = 0) -> list[Program]:
+    """What a policy's beam writes for the surface `points` [n, 3], best first, as it is."""
+    # a stray point moves the box that a policy measures by
+    points = points[inliers(points)]
+    return [to_program(s) for s in decode_sequences(policy, points, main_axes(subsample(points, POINTS)), seed)]
+
+
+def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int = 0) -> list[Primitive]:
+    """Primitives that a policy would add to `program`, or cut from it, for the surface `points` [n, 3]: ASKED draws without their signs.
+
+    A program of more primitives than sequences hold, or of outlines, is seen by its surface alone.
+    """
+    import torch
+
+    from imdim.data.canonical import canonical_primitives
+    from imdim.data.solids import empty, from_signed, to_signed
+    from imdim.learn.policy import Sight
+
+    points = points[inliers(points)]
+    axes = main_axes(subsample(points, POINTS))
+    cloud = points[np.resize(np.random.default_rng(seed).permutation(len(points)), POINTS)]
+    poses = Poses.of([cloud], [axes])
+    surface = to_trimesh(to_manifold(program))
+    if not len(surface.faces):
+        return []
+    shown = poses.local(trimesh.sample.sample_surface(surface, SHOWN, seed=seed)[0][None])
+    sequence = of_primitives(to_sequence(program))
+    drawn = any(leaf.outline is not None for leaf in leaves(program))
+    if sequence is not None and not drawn and sequence[0].positive and len(sequence) < policy.max_seq_len - 1:
+        written, outside = canonical_primitives(poses.place(from_signed([sequence]))), None
+    else:
+        written = empty(1, 1)
+        level = kernels.program_sdf(program, cloud) * poses.scale[0]
+        outside = torch.as_tensor(np.clip(level, -1.0, 1.0), dtype=torch.float32)[None]
+    seen = Sight(poses.local(cloud[None]), shown, written, torch.zeros(1, dtype=torch.bool), outside, must_add=True)
+    move = policy.propose(seen, torch.Generator().manual_seed(2 * seed + 1), ASKED)
+    added = poses.back(replace(move.part, positive=torch.ones_like(move.part.positive)))
+    return [step.term for signed in to_signed(added) for step in signed]
 
 
 def proposals(

@@ -39,8 +39,20 @@ class Poses:
 
         return torch.as_tensor((clouds @ self.axes - self.middle[:, None]) * self.scale[:, None, None], dtype=torch.float32)
 
+    def place(self, solids: Solids) -> Solids:
+        """Solids in the frame of the clouds, one row for each, as policies see them."""
+        import torch
+
+        turn, middle, scale = (torch.as_tensor(v) for v in (self.axes, self.middle, self.scale))
+        return replace(
+            solids,
+            centers=((solids.centers.double() @ turn - middle[:, None]) * scale[:, None, None]).float(),
+            sizes=(solids.sizes.double() * scale[:, None, None]).float(),
+            rotations=(turn.mT[:, None] @ solids.rotations.double()).float(),
+        )
+
     def back(self, solids: Solids) -> Solids:
-        """Solids of the policy's frame, `k` rows for each cloud, in that of the clouds, in double precision."""
+        """Solids of the policy's frame, as many rows for each cloud, in that of the clouds, in double precision."""
         import torch
 
         each = len(solids.kinds) // len(self.scale)
