@@ -55,6 +55,13 @@ def test_tilted_boxes_have_directions_of_their_own() -> None:
     assert count_directions(Primitive("sphere", (0.1,))) == 0
 
 
+def test_no_primitives_are_looked_for_in_place_of_the_hexagon_of_a_nut() -> None:
+    corners = [(0.1 * math.cos(a), 0.1 * math.sin(a), 0.0) for a in np.radians(np.arange(0, 360, 60))]
+    nut = Primitive("extrude", (0.05,), (0.0, 0.0, 0.025), outline=Outline((tuple(corners),)))
+    assert may_be_plain(DRAWN, -HALF, HALF)
+    assert not may_be_plain(cut(DRAWN, nut), -HALF, HALF)
+
+
 @pytest.mark.parametrize(("degrees", "odd"), [(5.735, 2), (30.0, 0), (12.5, 0), (29.97, 2)])
 def test_blocks_that_lean_at_odd_angles_are_never_plainer(degrees: float, odd: int) -> None:
     """A bar is a rectangle of any direction for one drawing, and four vertices are as many numbers as it has."""
@@ -65,6 +72,19 @@ def test_blocks_that_lean_at_odd_angles_are_never_plainer(degrees: float, odd: i
     assert count_odd_directions(bar) == odd
     assert count_odd_directions(drawn) == 0
     assert is_hardly_longer(bar, drawn, -HALF, HALF) == (odd == 0)
+
+
+def test_a_brace_is_a_line_of_its_bracket_and_no_block_that_is_held_back() -> None:
+    """Two walls of a corner with a brace from one to the other."""
+    ring = ((-0.4, -0.4), (0.4, -0.4), (0.4, -0.35), (0.1, -0.35), (-0.35, 0.1), (-0.35, 0.4), (-0.4, 0.4))
+    drawn = Primitive("extrude", (0.4,), outline=Outline((tuple((x, y, 0.0) for x, y in ring),)))
+    walls = union(box(0.8, 0.05, 0.4, (0.0, -0.375, 0.0)), box(0.05, 0.8, 0.4, (-0.375, 0.0, 0.0)))
+    depth = 0.25 + 0.25 / math.sqrt(2)  # of the middle of a block of 0.5 behind the face of the brace
+    brace = Primitive("box", (1.6, 0.5, 0.4), (-depth / math.sqrt(2), -depth / math.sqrt(2), 0.0), (0.0, 0.0, -45.0))
+    half = np.array([0.4, 0.4, 0.2])
+    held_back = combine_all("intersection", [union(walls, brace), box(0.8, 0.8, 0.4)])
+    assert not is_hardly_longer(held_back, drawn, -half, half)
+    assert is_hardly_longer(cut(walls, brace), drawn, -half, half)
 
 
 def test_a_turned_frame_has_the_numbers_of_its_own_directions() -> None:

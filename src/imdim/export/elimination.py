@@ -368,9 +368,9 @@ def without_loose(
     if not constraints or len(numbers.kinds) > MOST_NAMED:
         return ()
     if own := find_own_directions(delivered):
-        turned = own.program(delivered)
-        held = own.constraints(constraints, turned)
-        kept = {id(c) for c in without_loose(own.program(program), held, turned, folded and own.folded(folded))}
+        turned = own.turn_program(delivered)
+        held = own.keep_constraints(constraints, turned)
+        kept = {id(c) for c in without_loose(own.turn_program(program), held, turned, folded and own.turn_folded(folded))}
         return tuple(c for c in constraints if id(c) in kept or c.kind in ("parallel", "perpendicular"))
     system = LinearSystem.of(program, constraints, delivered, folded)
     matrix, owner = _world_rows(constraints, numbers)

@@ -114,12 +114,12 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program)
     named, aslant = _along_own(named), named.own
-    written = program if aslant is None else aslant.directions.program(program)
+    written = program if aslant is None else aslant.directions.turn_program(program)
 
     def line(number: int, leaf: Primitive) -> list[str]:
         return _primitive(leaf, rounding, named, number, named.centers[number])
 
-    lines = _turned(fold_nary(written, line, {op: _block(op) for op in OPS}), aslant)
+    lines = _turn_lines(fold_nary(written, line, {op: _block(op) for op in OPS}), aslant)
     head = customizer_head(named, rounding.size, counted=False)
     if edges is None or not edges.pieces:
         return "\n".join([f"$fn = {segments};", "", *head, *lines, "", *_definitions(program)])
@@ -132,7 +132,7 @@ def _along_own(named: Parameters) -> Parameters:
     return named if named.own is None else replace(named, centers=named.own.centers, loops=named.own.loops)
 
 
-def _turned(lines: Sequence[str], aslant: OwnPlaces | None) -> list[str]:
+def _turn_lines(lines: Sequence[str], aslant: OwnPlaces | None) -> list[str]:
     """Statements that are turned as one where their places are along other directions than the world's."""
     if aslant is None:
         return list(lines)
@@ -173,7 +173,7 @@ def to_openscad_loops(folded: Folded, segments: int, named: Parameters) -> str:
     rounding = Rounding.of(program)
     named, aslant = _along_own(named), named.own
     writer = _Writer(rounding, named)
-    body = _turned(writer.lines(folded if aslant is None else aslant.directions.folded(folded), 0), aslant)
+    body = _turn_lines(writer.lines(folded if aslant is None else aslant.directions.turn_folded(folded), 0), aslant)
     head = customizer_head(named, rounding.size)
     return "\n".join([f"$fn = {segments};", "", *head, *writer.modules, *body, "", *_definitions(program)])
 

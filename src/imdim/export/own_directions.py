@@ -48,21 +48,21 @@ class OwnDirections:
     turn: Matrix
     decimals: int
 
-    def program(self, program: Program) -> Program:
+    def turn_program(self, program: Program) -> Program:
         """The program with its own directions as the world's."""
         return map_leaves(program, lambda _, leaf: self._leaf(leaf))
 
-    def folded(self, folded: Folded) -> Folded:
+    def turn_folded(self, folded: Folded) -> Folded:
         """The same of a program with repeats."""
         if isinstance(folded, Primitive):
             return self._leaf(folded)
         if isinstance(folded, Group):
-            return replace(folded, parts=tuple(map(self.folded, folded.parts)))
+            return replace(folded, parts=tuple(map(self.turn_folded, folded.parts)))
         steps, point = tuple(map(self._place, folded.steps)), self._place(folded.point)
         axis = round_vector(self._back.direction(folded.axis), UNIT)
-        return replace(folded, part=self.folded(folded.part), steps=steps, point=point, axis=axis)
+        return replace(folded, part=self.turn_folded(folded.part), steps=steps, point=point, axis=axis)
 
-    def constraints(self, constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
+    def keep_constraints(self, constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
         """Those of the constraints that hold for a `program` in its own directions: of the world's axes it may have kept one."""
         worldly = [c for c in constraints if any(ref.leaf == WORLD for ref in (*c.of, c.about) if ref)]
         kept = {id(c) for c in holding(program, worldly)}
@@ -75,9 +75,9 @@ class OwnDirections:
 
     def in_world(self, vector: Sequence[Expression]) -> tuple[Expression, ...]:
         """What three lengths along the own directions are along the world's; nothing of nothing."""
-        return tuple(weighted_sum(*_weighted(vector, row)) for row in self.turn) if vector else ()
+        return tuple(weighted_sum(*_weigh(vector, row)) for row in self.turn) if vector else ()
 
-    def loop(self, loop: Loop) -> Loop:
+    def turn_loop(self, loop: Loop) -> Loop:
         """A loop over copies as the world sees it."""
         steps = tuple(map(self.in_world, loop.steps))
         return replace(loop, steps=steps, center=self.in_world(loop.center), shift=self.in_world(loop.shift))
@@ -146,5 +146,5 @@ def _quarter(degrees: float) -> float:
     return nearest if abs(degrees - nearest) < QUARTER else degrees
 
 
-def _weighted(vector: Sequence[Expression], row: Vec3) -> Iterator[tuple[Expression, Fraction | float]]:
+def _weigh(vector: Sequence[Expression], row: Vec3) -> Iterator[tuple[Expression, Fraction | float]]:
     yield from ((e, simple_fraction(factor)) for e, factor in zip(vector, row, strict=True) if factor)

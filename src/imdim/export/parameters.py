@@ -123,10 +123,10 @@ def _parametrise(
     label: Sequence[str],
 ) -> Parameters:
     if own := find_own_directions(delivered):
-        turned = own.program(delivered)
-        held = own.constraints(constraints, turned)
-        named = _parametrise(own.program(program), held, turned, folded and own.folded(folded), values, label)
-        centers, loops = tuple(map(own.in_world, named.centers)), tuple(map(own.loop, named.loops))
+        turned = own.turn_program(delivered)
+        held = own.keep_constraints(constraints, turned)
+        named = _parametrise(own.turn_program(program), held, turned, folded and own.turn_folded(folded), values, label)
+        centers, loops = tuple(map(own.in_world, named.centers)), tuple(map(own.turn_loop, named.loops))
         return replace(named, centers=centers, loops=loops, own=OwnPlaces(own, named.centers, named.loops))
     fixed: set[int] = set()
     while True:

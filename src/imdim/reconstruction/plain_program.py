@@ -22,6 +22,7 @@ from imdim.program.outline import Loop, Outline, arc_center, arc_radius, has_ell
 from imdim.program.patterns.weigh import take_first_copies
 from imdim.program.regular_polygon import RegularPolygon, regular_of
 from imdim.program.rewrite.cells import count_runs
+from imdim.program.roles import signs
 from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import COARSE, is_same
@@ -90,8 +91,9 @@ def repeats_plainly(cells: Program, walls: Program, low: np.ndarray, high: np.nd
 def is_hardly_longer(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
     """Whether there is hardly more to read in plainer features than in what they stand for - or, where they are many, clearly less - in the
     program of a part that fills a box from `low` [3] to `high` [3]. Blocks that lean at odd angles are never plainer: a line of a drawing
-    leans because it goes from here to there, or touches two circles."""
-    if count_odd_directions(plain) > count_odd_directions(drawn):
+    leans because it goes from here to there, or touches two circles. Nor are added ones that lean out of the part, held back by what they
+    have in common with another: a brace is a line of its bracket's drawing."""
+    if count_odd_directions(plain) > count_odd_directions(drawn) or _count_held_back(plain, low, high) > _count_held_back(drawn, low, high):
         return False
     if reading_length(plain, low, high) <= _most(count(plain).primitives) * reading_length(drawn, low, high):
         return True
@@ -108,8 +110,8 @@ def _fewest_primitives(leaf: Primitive) -> float:
     """How many of the six kinds at least have the walls of a leaf: a round wall, or four straight ones of an extrusion, is of one."""
     if leaf.outline is None:
         return 1
-    if has_ellipse(leaf.outline):
-        return math.inf  # which none of the six kinds has
+    if has_ellipse(leaf.outline) or any(map(_reads_as_circle, leaf.outline.loops)):
+        return math.inf  # ellipses and the hexagons of nuts, which none of the six kinds has
     curves = [curve for ring in leaf.outline.rings for curve in ring_curves(ring)]
     arcs = {(*arc_center(curve), arc_radius(curve)) for curve in curves if curve[4]}
     lines = {line_of(curve) for curve in curves if not curve[4]}
@@ -160,6 +162,19 @@ def count_odd_directions(program: Program) -> int:
     """How many of these are at angles to the axes of the world that are no halves of a degree."""
     angles = [np.degrees(np.arccos(np.minimum(np.abs(axis), 1.0))) / HALF_DEG for axis in _directions(program)]
     return sum(bool((np.abs(angle - np.round(angle)) * HALF_DEG > ODD_DEG).any()) for angle in angles)
+
+
+def _count_held_back(program: Program, low: np.ndarray, high: np.ndarray) -> int:
+    """How many boxes that add, and lean, reach out of the box from `low` [3] to `high` [3] by more than half of their least size."""
+    solid = lower(program)
+    found = 0
+    for i, (leaf, sign) in enumerate(zip(leaves(program), signs(program), strict=True)):
+        turn = np.abs(solid.rotations[i])
+        if leaf.kind == "box" and sign > 0 and turn.max(axis=0).min() < 1 - ONE_WAY:
+            reach = turn @ np.array(leaf.size) / 2
+            beyond = np.maximum(low - (solid.centers[i] - reach), solid.centers[i] + reach - high)
+            found += bool(beyond.max() > min(leaf.size) / 2)
+    return found
 
 
 def _directions(program: Program) -> list[np.ndarray]:
