@@ -97,7 +97,8 @@ def _carriers(
     buried = middles.copy()
     for (leaf, axis), end in only.items():
         middles[leaf, axis] = place_of(end, parts)
-        buried[leaf, axis] = 2 * buried[leaf, axis] - middles[leaf, axis]
+        # what stands on something has seats, and is placed in the plane by itself
+        buried[leaf, axis] = middles[leaf, axis] if axis == UP else 2 * buried[leaf, axis] - middles[leaf, axis]
     added = np.array(sign) > 0
     pockets = np.array([not a and p.kind == "box" for a, p in zip(added, parts, strict=True)])
     for leaf, middle in enumerate(middles):
