@@ -117,6 +117,14 @@ def test_a_noisy_search_asks_what_a_policy_would_write_and_then_what_it_would_ad
     assert asked[-1] is True
 
 
+def test_no_policy_is_loaded_for_a_noisy_cloud_without_time_for_it(monkeypatch):
+    monkeypatch.setattr(pipeline, "load_if_any", lambda _: pytest.fail("torch takes longer than what is left"))
+    points = cloud(box(60, 40, 20)) + np.random.default_rng(1).normal(size=(3000, 3)) * 0.4
+    *_, last = pipeline.reconstruct(target_from(points), Settings(budget_s=6.0), np.random.default_rng(0))
+    assert iou(last.program, box(60, 40, 20)) >= 0.95
+    assert last.stop == methods.CUT
+
+
 def test_stray_points_do_not_move_the_box_that_a_policy_measures_by():
     truth = cut(box(60, 40, 20), cylinder(8, 60))
     points = cloud(truth, n=4000)

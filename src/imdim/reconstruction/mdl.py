@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 MOST_POINTS = 8192
 QUICK_POINTS = 4096
 LINEAGES = 2  # programs of a policy that are searched from
+ASK_S = 2.0  # what asking takes of the processor
 MOST_ASKED = 6  # times that a policy is asked for more
 MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
 SCANNED = 1000  # points of a scanned mesh
@@ -218,7 +219,7 @@ class _NoisyCloud:
     def _ask(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
         """The best with what the policy would add to it, again and again until that is nothing of worth."""
         for seed in range(MOST_ASKED):
-            if self.policy is None or deadline.has_passed():
+            if self.policy is None or deadline.left() < ASK_S:
                 break
             offered = distinct(next_parts(self.policy, self.points, best.program, seed), self._cloud)
             found = [found for found, _ in self._shorten(best, offered, deadline)]

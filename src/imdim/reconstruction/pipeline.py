@@ -53,7 +53,7 @@ from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, M
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, find_solid, observe
 from imdim.reconstruction.own_frame import find_own_frame, is_placed, turn_back
 from imdim.reconstruction.plain_program import is_hardly_longer
-from imdim.reconstruction.policy_beam import load, load_if_any
+from imdim.reconstruction.policy_beam import has_time_for_beam, load, load_if_any
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.reconstruction.rounding import settle_origin, snap_numbers
 from imdim.reconstruction.stand_ins import take_off_stand_ins
@@ -536,8 +536,10 @@ def _solve(
     relations that its points support."""
     if not seen.noisy:
         return replace(step, stage="solve", program=fit_numbers(step.program, seen, fit_by)), None
-    likely = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn, policy())
-    return replace(step, stage="solve", program=likely.program, proof="").cut_if(likely.cut), likely.constraints
+    # torch takes seconds to load
+    asked = has_time_for_beam(choose_by)
+    likely = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn, policy() if asked else None)
+    return replace(step, stage="solve", program=likely.program, proof="").cut_if(likely.cut or not asked), likely.constraints
 
 
 def _finish_state(last: _BodyState, others: Sequence[Program], seen: Observation, frame: Frame, budget: Budget) -> _BodyState:
