@@ -16,14 +16,15 @@ from imdim.learn.settings import TrainConfig
 from imdim.reconstruction.config import ConfigError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-NOISY = AugmentConfig(p_noise=0.3, noise=0.01, p_uneven=0.15, p_missing=0.05, missing=0.2)
+NOISY = AugmentConfig(p_noise=0.5, noise=0.02, p_outliers=0.15, outliers=0.01, p_uneven=0.15, p_missing=0.05, missing=0.2, p_views=0.2)
 PLAIN = SynthesisConfig(families=[*FAMILIES])  # type: ignore[arg-type] (YAML has lists)
-SCANNED = replace(PLAIN, volume_samples=2048, free_rotation=0.05, tilt=0.3, augment=NOISY)
+SCANNED = replace(PLAIN, volume_samples=2048, free_rotation=0.08, tilt=0.3, augment=NOISY)
 PREFIXED = replace(SCANNED, gt_points=1024, cur_points=256, prefixes=6, p_undo=0.05, p_shaken=0.35, shake=0.008)
+THREE_KINDS = ["plate", "bracket", "turned", "pattern", "shell", "free"]
 EXPERIMENTS = {
     "base": PREFIXED,
-    "seed": replace(PLAIN, gt_points=1024, cur_points=384, prefixes=2),
-    "stump": replace(SCANNED, n_max=8, gt_points=384),
+    "seed": replace(PLAIN, gt_points=1024, cur_points=384, prefixes=2, families=THREE_KINDS),
+    "stump": replace(SCANNED, n_max=8, gt_points=384, families=THREE_KINDS),
 }
 
 
