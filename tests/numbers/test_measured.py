@@ -50,6 +50,14 @@ def test_what_no_point_shows_has_no_interval_and_stays():
     assert [*leaves(known.program)][1].size[1] == pytest.approx(30, abs=1e-6)
 
 
+def test_what_relations_hold_was_not_measured():
+    """It had an interval of 1e-16, and counted as snapped to what was measured."""
+    block, held = box(40, 30, 20), np.eye(9)[:1]
+    known = measure(block, cloud(block), held)
+    assert np.isinf(known.half_widths(np.eye(9)[:1])[0])
+    assert np.isfinite(known.half_widths(np.eye(9)[1:2])[0])
+
+
 def test_relations_hold_and_narrow_the_intervals():
     block = box(40, 30, 20)
     points, difference = cloud(block), np.zeros((1, 9))

@@ -27,21 +27,24 @@ SAMPLES = 16_000  # of the surface
 @dataclass(frozen=True)
 class Measured:
     """The `program` that its points are likeliest for. In the coordinates [p] of `start`: its `shift` from there, their `covariance`
-    [p, p], and an orthonormal basis [p, q] of what the points do not show."""
+    [p, p], and orthonormal bases [p, q] of what relations leave `free`, and of what of that the points do not show."""
 
     start: Coordinates
     program: Program
     shift: np.ndarray
     covariance: np.ndarray
+    free: np.ndarray
     hidden: np.ndarray
     noise: Noise
 
     def half_widths(self, slopes: np.ndarray) -> np.ndarray:
-        """Half of the 95 % interval of each number with these derivatives [n, p], in its units; infinite where no points show it."""
+        """Half of the 95 % interval of each number with these derivatives [n, p], in its units; infinite where no points show it, and where
+        relations hold it, so that no points were asked."""
         variance = np.einsum("ni,ij,nj->n", slopes, self.covariance, slopes)
         size = np.linalg.norm(slopes, axis=1)
         hidden = np.linalg.norm(slopes @ self.hidden, axis=1) > SHOWN * size
-        return np.where(hidden, np.inf, NORMAL_95 * np.sqrt(np.maximum(variance, 0.0)))
+        held = np.linalg.norm(slopes @ self.free, axis=1) <= SHOWN * size
+        return np.where(hidden | held, np.inf, NORMAL_95 * np.sqrt(np.maximum(variance, 0.0)))
 
 
 def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: Deadline = NEVER, rounds: int = ROUNDS) -> Measured:
@@ -76,7 +79,7 @@ def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: De
         if still.all() or deadline.has_passed() or done == rounds - 1:
             covariance *= measure_spread(known.places, known.residual)
             break
-    return Measured(start, at, basis @ shift, basis @ covariance @ basis.T, basis @ hidden, noise)
+    return Measured(start, at, basis @ shift, basis @ covariance @ basis.T, basis, basis @ hidden, noise)
 
 
 def _calm(program: Program, points: np.ndarray) -> Noise:
