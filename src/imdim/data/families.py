@@ -235,14 +235,14 @@ def draw_funnels(dice: Dice) -> Solids:
         there, cone, h = count > i, dice.coin(0.55), dice.log_uniform(0.08, 0.9)
         end = torch.where(cone, dice.log_uniform(0.15, 0.8), r)
         kind = torch.where(cone, CONE, CYLINDER)
-        outer.append(_part(dice, kind, (0.0, 0.0, z + h / 2), _along_axis(cone, r, end, h), where=there))
+        outer.append(_part(dice, kind, (0.0, 0.0, z + h / 2), _size_turned(cone, r, end, h), where=there))
         # a floor at the closed end, and cylinders that leave at the open one, as people draw them
         floor = torch.where(closed, wall, -0.3 * h * ~cone) if i == 0 else torch.zeros_like(h)
         beyond = 0.3 * h * (~cone & (count == i + 1))
         low, high = z + floor, z + h + beyond
         fits = there & hollow & (torch.minimum(r, end) > 1.3 * wall) & (high > low + 0.02)
         start = r + (end - r) * floor.clamp_min(0.0) / h
-        size = _along_axis(cone, (start - wall).clamp_min(0.01), (end - wall).clamp_min(0.01), (high - low).clamp_min(0.02))
+        size = _size_turned(cone, (start - wall).clamp_min(0.01), (end - wall).clamp_min(0.01), (high - low).clamp_min(0.02))
         inner.append(_part(dice, kind, (0.0, 0.0, (low + high) / 2), size, False, fits))
         z = torch.where(there, z + h, z)
         # where a cylinder ends the next piece may have another radius
@@ -256,7 +256,7 @@ def draw_funnels(dice: Dice) -> Solids:
     return _solids(dice, [*outer, *inner, cut])
 
 
-def _along_axis(cone: Tensor, bottom: Tensor, top: Tensor, h: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _size_turned(cone: Tensor, bottom: Tensor, top: Tensor, h: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Sizes of cones, and of cylinders of the bottom radius."""
     return bottom, torch.where(cone, top, h), torch.where(cone, h, 0.0)
 
@@ -286,14 +286,14 @@ def draw_knobs(dice: Dice) -> Solids:
 
 
 def draw_vessels(dice: Dice) -> Solids:
-    """A hollow ellipsoid, ring or ball cut open, with a foot, a handle and a spout."""
+    """An ellipsoid, hollow or solid, cut open or bored, with a foot and a handle."""
     a, c = dice.log_uniform(0.4, 1.0), dice.log_uniform(0.25, 1.0)
     b = torch.where(dice.coin(0.5), a, a * dice.uniform(0.5, 1.6))
     wall = torch.minimum(torch.minimum(a, b), c) * dice.uniform(0.06, 0.3)
     hollow, rim = dice.coin(0.6), c * dice.uniform(-0.2, 0.8)
     columns = [_part(dice, SPHERE, (0.0, 0.0, 0.0), (a, b, c))]
     foot = torch.minimum(a, b) * dice.uniform(0.3, 0.9)
-    stand = _along_axis(dice.coin(0.6), foot * dice.uniform(0.6, 1.6), foot, c * dice.uniform(0.3, 0.8))
+    stand = _size_turned(dice.coin(0.6), foot * dice.uniform(0.6, 1.6), foot, c * dice.uniform(0.3, 0.8))
     standing = torch.where(stand[2] > 0, CONE, CYLINDER)
     columns.append(_part(dice, standing, (0.0, 0.0, -c), stand, where=dice.coin(0.5)))
     handle = c * dice.uniform(0.25, 0.5)
