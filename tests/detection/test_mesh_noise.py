@@ -54,11 +54,18 @@ def test_corners_on_chords_are_no_noise():
     assert noise.sigma == pytest.approx(3 * SHAKEN)
 
 
-def test_a_shaken_block_is_a_scan():
-    assert body_of(shaken_block(0.15))[0].scanned
+def test_a_shaken_block_is_a_scan_and_comes_back_as_one():
+    body, frame = body_of(shaken_block(0.15))
+    assert body.scanned
+    told = reconstruct_scan(body, np.random.default_rng(0), NEVER, NEVER, drawn=True)
+    assert told is not None
+    program = frame.undo(told.program)
+    assert count(program).primitives == 1
+    (leaf,) = leaves(program)
+    assert sorted(leaf.size) == pytest.approx([30, 40, 60], abs=0.4)
 
 
-def test_a_scanned_block_comes_back_as_one_with_a_shallow_dish_that_is_no_feature():
+def test_a_shallow_dish_of_a_scanned_block_is_no_feature():
     """A quarter of a millimetre deep and 30 wide: a real block's top is no flatter, though the scanner sees the dish."""
     fine = shaken_block(0.0).subdivide()
     vertices = fine.vertices.copy()
