@@ -10,7 +10,7 @@ import pytest
 from tests.app.batches import make, rows
 from tests.stand_ins import log, wait_for
 
-from imdim.app.batch.engine import Job
+from imdim.app.batch.engine import PartJob
 from imdim.app.batch.folder import Part
 from imdim.app.batch.process import ProcessLimits
 from imdim.app.batch.run import main
@@ -30,7 +30,7 @@ def test_a_shipped_job_brings_its_results(tmp_path, stand_in):
     from imdim.app.batch.engine import run_shipped
 
     for name, why in (("a", ""), ("crash", "ended by signal SIGABRT")):
-        job = Job(Part(name, tmp_path / f"{name}.stl", ""), tmp_path / "nowhere", tuple(stand_in()), (), ProcessLimits(20.0))
+        job = PartJob(Part(name, tmp_path / f"{name}.stl", ""), tmp_path / "nowhere", tuple(stand_in()), (), ProcessLimits(20.0))
         ended, files = run_shipped(job, b"content")
         assert ended.why == why
         assert files.keys() == {"fit.log"} | ({f"parts/{name}/report.json", f"parts/{name}/preview.png"} if name == "a" else set())

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from imdim.app.arguments import from_arguments
 from imdim.app.batch import folder
-from imdim.app.batch.engine import Job, run_jobs
+from imdim.app.batch.engine import PartJob, run_jobs
 from imdim.app.batch.folder import PARTS, Part
 from imdim.app.batch.process import Ended, ProcessLimits
 from imdim.app.batch.table import csv_text
@@ -87,7 +87,7 @@ def _run(config: DatasetConfig, command: tuple[str, ...]) -> int:
     return SOME_FAILED if failures else 0
 
 
-def _record(out: Path, shares: Mapping[str, _Share], total: int, ended: Iterator[tuple[Job, Ended]]) -> dict[str, str]:
+def _record(out: Path, shares: Mapping[str, _Share], total: int, ended: Iterator[tuple[PartJob, Ended]]) -> dict[str, str]:
     """Put the samples of each share that ends in their places, with a line; what failed, and why."""
     done, failures = total - sum(len(share.files) for share in shares.values()), dict[str, str]()
     (out / FAILURES).unlink(missing_ok=True)
@@ -115,15 +115,15 @@ def _shares(missing: Sequence[Chunk], config: DatasetConfig) -> Iterator[_Share]
         yield from (_Share(some[i : i + size]) for i in range(0, len(some), size))
 
 
-def _job(share: _Share, out: Path, config: DatasetConfig, command: tuple[str, ...]) -> Job:
+def _job(share: _Share, out: Path, config: DatasetConfig, command: tuple[str, ...]) -> PartJob:
     staging = folder.staging(out, Part(share.name, Path(), ""))
     source = staging / "share.json"
     settings = {f.name: asdict(config)[f.name] for f in fields(FolderConfig)}
     source.write_text(json.dumps({"config": settings, "chunks": [(c.split, c.index, c.names) for c in share.chunks]}), encoding="utf-8")
-    return Job(Part(share.name, source, ""), staging, command, (), ProcessLimits(config.limit_s, config.memory_mib))
+    return PartJob(Part(share.name, source, ""), staging, command, (), ProcessLimits(config.limit_s, config.memory_mib))
 
 
-def _keep(share: _Share, job: Job, how: Ended, out: Path) -> str:
+def _keep(share: _Share, job: PartJob, how: Ended, out: Path) -> str:
     """Put the samples of a share in their places, or say why there are none."""
     made = job.staging / PARTS / share.name
     missing = [] if how.why else [name for name in share.files if not (made / name).is_file()]

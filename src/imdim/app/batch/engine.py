@@ -30,7 +30,7 @@ Files = dict[str, bytes]
 
 
 @dataclass(frozen=True)
-class Job:
+class PartJob:
     """A part to reconstruct in the folder `staging`, by `command` followed by input, output and `options`."""
 
     part: Part
@@ -44,7 +44,7 @@ class Job:
         return [*self.command, source, "-o", f"{PARTS}/{self.part.name}", *self.options]
 
 
-def run_jobs(jobs: Iterator[Job], at_once: int | None, address: str | None) -> Generator[tuple[Job, Ended], None, None]:
+def run_jobs(jobs: Iterator[PartJob], at_once: int | None, address: str | None) -> Generator[tuple[PartJob, Ended], None, None]:
     """Run jobs, `at_once` at a time (None: one here, all CPUs of a cluster), and yield each when it has ended.
 
     What runs is ended when the iteration is left. Raises ConfigError where no cluster answers at `address`.
@@ -56,9 +56,9 @@ def run_jobs(jobs: Iterator[Job], at_once: int | None, address: str | None) -> G
         yield from run_cluster(jobs, at_once, ray)
 
 
-def run_local(jobs: Iterable[Job], at_once: int) -> Generator[tuple[Job, Ended], None, None]:
+def run_local(jobs: Iterable[PartJob], at_once: int) -> Generator[tuple[PartJob, Ended], None, None]:
     """As `run_jobs`, on this machine; one loop watches all processes."""
-    waiting, running = iter(jobs), dict[Process, Job]()
+    waiting, running = iter(jobs), dict[Process, PartJob]()
     try:
         while True:
             while len(running) < at_once and (job := next(waiting, None)) is not None:
@@ -93,10 +93,10 @@ def connect(address: str) -> Iterator[Any]:
         ray.shutdown()
 
 
-def run_cluster(jobs: Iterable[Job], at_once: int | None, ray: Any) -> Iterator[tuple[Job, Ended]]:
+def run_cluster(jobs: Iterable[PartJob], at_once: int | None, ray: Any) -> Iterator[tuple[PartJob, Ended]]:
     """As `run_local`, on all CPUs of the cluster, or `at_once` of them."""
     task = ray.remote(num_cpus=1, max_retries=RETRIES)(run_shipped)
-    waiting, running = iter(jobs), dict[Any, Job]()
+    waiting, running = iter(jobs), dict[Any, PartJob]()
     try:
         while True:
             room = (at_once or AHEAD * max(int(ray.cluster_resources().get("CPU", 1)), 1)) - len(running)
@@ -113,7 +113,7 @@ def run_cluster(jobs: Iterable[Job], at_once: int | None, ray: Any) -> Iterator[
             ray.cancel(reference, force=True)
 
 
-def run_shipped(job: Job, content: bytes) -> tuple[Ended, Files]:
+def run_shipped(job: PartJob, content: bytes) -> tuple[Ended, Files]:
     """On the cluster: run a job on `content` in a folder of its own; what it wrote, by path relative to that."""
     with tempfile.TemporaryDirectory(prefix="imdim-") as name:
         folder = Path(name)
@@ -125,12 +125,12 @@ def run_shipped(job: Job, content: bytes) -> tuple[Ended, Files]:
         return ended, {str(path.relative_to(folder)): path.read_bytes() for path in made if path.is_file()}
 
 
-def _relative(job: Job) -> Job:
+def _relative(job: PartJob) -> PartJob:
     """Without the paths of this machine."""
     return replace(job, staging=Path(), part=replace(job.part, source=Path(job.part.source.name)))
 
 
-def _received(ray: Any, reference: Any, job: Job) -> Ended:
+def _received(ray: Any, reference: Any, job: PartJob) -> Ended:
     try:
         ended, files = ray.get(reference)
     except ray.exceptions.RayError as error:

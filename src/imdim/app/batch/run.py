@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from imdim.app.batch import folder
-from imdim.app.batch.engine import Job, run_jobs
+from imdim.app.batch.engine import PartJob, run_jobs
 from imdim.app.batch.folder import Outcome, Part, to_line
 from imdim.app.batch.process import Ended, ProcessLimits
 from imdim.app.batch.table import write_tables
@@ -74,7 +74,7 @@ def _run(given: argparse.Namespace, command: tuple[str, ...]) -> int:
     noted = decisive(settings)
     with folder.open_batch(out, noted):
         outcomes = folder.read_finished(out / folder.PARTS, parts, given.again)
-        jobs = (Job(p, folder.staging(out, p), command, options(noted), limits) for p in parts if p.name not in outcomes)
+        jobs = (PartJob(p, folder.staging(out, p), command, options(noted), limits) for p in parts if p.name not in outcomes)
         with closing(run_jobs(jobs, given.jobs, given.address)) as ended:
             _record(out, parts, outcomes, ended)
     failed = sum(bool(outcome.failure) for outcome in outcomes.values())
@@ -113,7 +113,7 @@ def options(noted: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(f"{key}={json.dumps(value)}" for key, value in noted.items())
 
 
-def _record(out: Path, parts: Sequence[Part], outcomes: dict[str, Outcome], ended: Iterator[tuple[Job, Ended]]) -> None:
+def _record(out: Path, parts: Sequence[Part], outcomes: dict[str, Outcome], ended: Iterator[tuple[PartJob, Ended]]) -> None:
     """Put each part that ends in its place, with a line, and rewrite the tables."""
     start, before = time.monotonic(), len(outcomes)
     if before:
