@@ -31,7 +31,7 @@ from processor import CLOCKS
 
 import imdim
 from imdim.app.batch import folder
-from imdim.app.batch.engine import Job, run_jobs
+from imdim.app.batch.engine import PartJob, run_jobs
 from imdim.app.batch.folder import PARTS, Outcome, Part
 from imdim.app.batch.process import Ended, ProcessLimits
 from imdim.app.batch.run import BAD_INPUT, COMMAND, GRACE_S, INTERRUPTED, MEMORY_MIB, decisive, limits_of, options, settings_of
@@ -151,8 +151,8 @@ def _digest(files: Sequence[Path]) -> str:
         raise ConfigError(f"{error.filename}: {error.strerror}") from error
 
 
-def _job(part: Part, out: Path, task: Task, limits: ProcessLimits, settings: Settings) -> Job:
-    return Job(part, folder.staging(out, part), (*JOB, json.dumps(asdict(task))), options(decisive(settings)), limits)
+def _job(part: Part, out: Path, task: Task, limits: ProcessLimits, settings: Settings) -> PartJob:
+    return PartJob(part, folder.staging(out, part), (*JOB, json.dumps(asdict(task))), options(decisive(settings)), limits)
 
 
 def _kept(out: Path, parts: Sequence[Part], again: bool) -> dict[str, Row]:
@@ -162,7 +162,7 @@ def _kept(out: Path, parts: Sequence[Part], again: bool) -> dict[str, Row]:
     return {name: row for name, row in found.items() if row and not (again and row.stop.startswith(FAILED))}
 
 
-def _record(args: argparse.Namespace, parts: Sequence[Part], rows: dict[str, Row], ended: Iterator[tuple[Job, Ended]]) -> str:
+def _record(args: argparse.Namespace, parts: Sequence[Part], rows: dict[str, Row], ended: Iterator[tuple[PartJob, Ended]]) -> str:
     """Put each part that ends in its place, print its row and rewrite the tables; the text of the last."""
     out, reference = args.out.absolute(), read_reference(args.folder)
     settings = [f"{args.jobs} at a time", *(["by the processor's clock"] if args.clock == "processor" else []), *args.settings]
@@ -184,7 +184,7 @@ def _record(args: argparse.Namespace, parts: Sequence[Part], rows: dict[str, Row
     return tables()
 
 
-def _judged(job: Job, how: Ended) -> tuple[Outcome, Row]:
+def _judged(job: PartJob, how: Ended) -> tuple[Outcome, Row]:
     """The record of a job and its row: what it has measured, or its own failure."""
     outcome = Outcome(job.part.name, job.part.source.name, job.part.digest, how.why, seconds=how.seconds, peak_mib=how.peak_mib)
     row = None if how.why else _read(job.staging / PARTS / outcome.part / ROW)

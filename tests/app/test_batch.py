@@ -237,9 +237,9 @@ def test_what_runs_ends_when_the_iteration_is_left(tmp_path):
 
 
 def folder_job(part: folder.Part, staging: Path, command: tuple[str, ...]):
-    from imdim.app.batch.engine import Job
+    from imdim.app.batch.engine import PartJob
 
-    return Job(part, staging, command, (), ProcessLimits(60.0))
+    return PartJob(part, staging, command, (), ProcessLimits(60.0))
 
 
 def test_a_sudden_allocation_is_refused_by_the_system(tmp_path):
