@@ -6,10 +6,12 @@ import sys
 from collections import Counter
 
 import pytest
+from tests.export.blended import CASES
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
 
 from imdim.export import step, step_worker
+from imdim.export.placed_edges import PlacedEdges
 from imdim.export.step import StepError, read_step, step_volume, to_shape, write_step
 from imdim.export.step_booleans import ocp
 from imdim.geometry.finish.overshoot import overshoot
@@ -95,20 +97,34 @@ def test_a_process_of_its_own_gives_the_volume_or_the_reason(tmp_path, monkeypat
     assert sorted(path.name for path in tmp_path.glob("*.step")) == ["good.step"]
 
 
-def test_the_worker_loads_no_compiled_kernels_where_no_edge_is_blended(tmp_path):
-    (tmp_path / "program.json").write_text(dumps(KNOWN["drilled block"][0]))
-    asked = json.dumps([str(tmp_path / "program.json"), str(tmp_path / "part.step"), "part", ["slab", "bore"]]).encode() + b"\n"
+@pytest.mark.parametrize("blended", [False, True])
+def test_the_worker_loads_no_compiled_kernels(blended, tmp_path):
+    """Where edges lie is handed over."""
+    features = [EdgeFeature("fillet", (0.05,), ((Face(0, "+x"), Face(0, "+y")), (Face(0, "+z"), Face(0, "+y"))))] if blended else []
+    program = KNOWN["drilled block"][0]
+    (tmp_path / "program.json").write_text(dumps(program, edges=features))
+    placed = PlacedEdges.of(program, features).rows
+    asked = json.dumps([str(tmp_path / "program.json"), str(tmp_path / "part.step"), "part", ["slab", "bore"], placed]).encode() + b"\n"
     command = [sys.executable, "-X", "importtime", "-m", step_worker.__name__]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as worker:
         assert worker.stdin is not None
         assert worker.stdout is not None
         worker.stdin.write(asked)
         worker.stdin.flush()
-        assert worker.stdout.readline().endswith(b" 0 0\n")
+        assert [worker.stdout.readline().split()[1:] for _ in range(1 + blended)][-1] == [b"2" if blended else b"0", b"0"]
         loaded = {line.split("|")[-1].strip() for line in worker.communicate()[1].decode().splitlines()}
     assert "'slab'" in (tmp_path / "part.step").read_text()
     assert "OCP.OCP" in loaded
     assert not {"numba", "scipy", "trimesh"} & loaded
+
+
+def test_edges_are_the_same_once_they_were_handed_over():
+    program, features, *_ = CASES["filleted rim"]
+    placed = PlacedEdges.of(program, features)
+    again = PlacedEdges.from_rows(json.loads(json.dumps(placed.rows)))
+    assert len(placed.edges) > 0
+    assert again.rows == placed.rows
+    assert [edge.points(3).tolist() for edge in again.edges] == [edge.points(3).tolist() for edge in placed.edges]
 
 
 def test_the_process_ends_without_taking_opencascade_apart():

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from imdim.geometry.blended_edge import Track
 from imdim.geometry.edge_solids import blend_solids, with_edges
-from imdim.geometry.edges import FoundEdges, NearbyEdges, Track, find_edges, has_room
+from imdim.geometry.edges import FoundEdges, NearbyEdges, find_edges, has_room
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.edges import EdgeFeature, Face

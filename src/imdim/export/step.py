@@ -10,11 +10,12 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from imdim.export.part_names import PartNames
+from imdim.export.placed_edges import PlacedEdges
 from imdim.export.step_booleans import StepError, boolean, build, ocp, shape_volume
 from imdim.export.step_names import write_named
 from imdim.geometry.solid import exact_rotation
@@ -39,36 +40,38 @@ def write_step(program: Program, path: Path, edges: Sequence[EdgeFeature] = (), 
     Raises StepError, and leaves no file, when OpenCASCADE is not installed or cannot build a valid solid, or where what it reads back is
     none; OSError when the file cannot be written. An edge that it cannot blend is no error.
     """
-    return list(write_stages(program, path, edges, names))[-1]
+    placed = PlacedEdges.of(program, edges) if edges else PlacedEdges()
+    return list(write_stages(program, path, placed, names))[-1].blending
 
 
-def write_stages(program: Program, path: Path, edges: Sequence[EdgeFeature] = (), names: PartNames | None = None) -> Iterator[Blending]:
-    """Write a file as `write_step` does, first with all edges sharp and then, if it has any, another in its place; after each which edges
-    are sharp in it."""
+class Stage(NamedTuple):
+    """A file as it stands: the volume of its solid, re-read, in cubed model units, and which edges are sharp in it."""
+
+    volume: float
+    blending: Blending
+
+
+def write_stages(program: Program, path: Path, edges: PlacedEdges, names: PartNames | None = None) -> Iterator[Stage]:
+    """Write a file as `write_step` does, first with all edges sharp and then, if it has any, another in its place; what each is."""
     shape, names = to_shape(program), names or PartNames.of(program)
-    if not _write(shape, path, program, names):
+    written = _write(shape, path, program, names)
+    if written is None:
         path.unlink()
         raise StepError("OpenCASCADE built a solid that is not valid once it is read back")
-    if edges:
-        yield from _write_blended(shape, path, program, edges, names)
-    else:
-        yield Blending()
+    if not edges.edges:
+        yield Stage(shape_volume(written, INTEGRATION_ERROR), Blending())
+        return
+    from imdim.export.step_blends import blend_shape, no_blends
 
-
-def _write_blended(shape: Any, path: Path, program: Program, edges: Sequence[EdgeFeature], names: PartNames) -> Iterator[Blending]:
-    from imdim.export.step_blends import blend_shape, no_blends  # with it come compiled kernels, half a second of the process
-    from imdim.geometry.edges import find_edges
-
-    stretches = find_edges(program, edges).edges
-    yield no_blends(stretches)
-    if stretches:
-        blended, blending = blend_shape(shape, program, stretches, to_shape)
-        beside = path_beside(path)
-        # tolerances do not survive the file, and those of blends can be large
-        if len(blending.sharp) < len(blending.edges) and _write(blended, beside, program, names):
-            beside.replace(path)
-            yield blending
-        beside.unlink(missing_ok=True)
+    yield Stage(shape_volume(written, INTEGRATION_ERROR), no_blends(edges.edges))
+    blended, blending = blend_shape(shape, program, edges, to_shape)
+    beside = path_beside(path)
+    # tolerances do not survive the file, and those of blends can be large
+    read = _write(blended, beside, program, names) if len(blending.sharp) < len(blending.edges) else None
+    if read is not None:
+        beside.replace(path)
+        yield Stage(shape_volume(read, INTEGRATION_ERROR), blending)
+    beside.unlink(missing_ok=True)
 
 
 def path_beside(path: Path) -> Path:
@@ -76,14 +79,15 @@ def path_beside(path: Path) -> Path:
     return path.with_name(f"{path.name}.blended")
 
 
-def _write(shape: Any, path: Path, program: Program, names: PartNames) -> bool:
-    """Write a shape; whether it is valid once it is read back."""
+def _write(shape: Any, path: Path, program: Program, names: PartNames) -> Any:
+    """Write a shape; what is read back, None where that is not valid."""
     if not write_named(shape, path, program, names):
         raise OSError(f"cannot write {path}")
     name = names.part.replace("'", "''")
     head = f"FILE_NAME('{name}','1970-01-01T00:00:00',(''),(''),'OpenCASCADE','IMDIM','');"
     path.write_text(_STAMP.sub(lambda _: head, path.read_text(encoding="utf-8"), count=1), encoding="utf-8")
-    return ocp("BRepCheck").BRepCheck_Analyzer(read_step(path)).IsValid()
+    read = read_step(path)
+    return read if ocp("BRepCheck").BRepCheck_Analyzer(read).IsValid() else None
 
 
 def read_step(path: Path) -> Any:
@@ -113,10 +117,9 @@ def to_shape(program: Program, edges: Sequence[EdgeFeature] = ()) -> Any:
     if not edges:
         return shape
     from imdim.export.step_blends import blend_shape
-    from imdim.geometry.edges import find_edges
 
-    stretches = find_edges(program, edges).edges
-    return blend_shape(shape, program, stretches, to_shape)[0] if stretches else shape
+    placed = PlacedEdges.of(program, edges)
+    return blend_shape(shape, program, placed, to_shape)[0] if placed.edges else shape
 
 
 def _check_installed() -> None:

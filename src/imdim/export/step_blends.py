@@ -18,10 +18,10 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.deadline import Deadline
+from imdim.export.placed_edges import PlacedEdges
 from imdim.export.step_booleans import StepError, boolean, copy_shape, merge_faces, ocp, shape_volume, solids_in
+from imdim.geometry.blended_edge import BlendedEdge
 from imdim.geometry.edge_solids import BlendSolid, sweep_blends
-from imdim.geometry.edges import BlendedEdge, has_room
-from imdim.geometry.lowering import lower
 from imdim.geometry.solid import COMBINE, to_manifold
 from imdim.program.edges import Blending, EdgeNumber
 from imdim.program.tree import Program, leaves, longest
@@ -53,12 +53,12 @@ class _Lying(NamedTuple):
     on: tuple[int, ...]
 
 
-def blend_shape(shape: Any, program: Program, stretches: Sequence[BlendedEdge], build: Callable[[Program], Any]) -> tuple[Any, Blending]:
-    """The valid shape of `program` with its edges blended along those stretches where OpenCASCADE can do so; `build` makes shapes.
+def blend_shape(shape: Any, program: Program, placed: PlacedEdges, build: Callable[[Program], Any]) -> tuple[Any, Blending]:
+    """The valid shape of `program` with its edges blended where OpenCASCADE can do so; `build` makes shapes.
 
     Feature by feature; where one fails because of those before it, those that failed come first in a second trial.
     """
-    deadline = Deadline.of_process(PATIENCE_S)
+    deadline, stretches = Deadline.of_process(PATIENCE_S), placed.edges
     edges, features = _numbers(stretches), list(dict.fromkeys(s.feature for s in stretches))
     blended, sharp = _blend_in_order(shape, program, stretches, features, deadline)
     failed = {feature for feature, _ in sharp}
@@ -68,27 +68,26 @@ def blend_shape(shape: Any, program: Program, stretches: Sequence[BlendedEdge], 
         if len(still) < len(sharp):
             blended, sharp = second, still
     if sharp:
-        blended, sharp = _sweep(blended, program, stretches, sharp, build, deadline)
+        blended, sharp = _sweep(blended, program, placed, sharp, build, deadline)
     return blended, Blending(edges, sharp)
 
 
 def _sweep(
     shape: Any,
     program: Program,
-    stretches: Sequence[BlendedEdge],
+    placed: PlacedEdges,
     sharp: Sequence[EdgeNumber],
     build: Callable[[Program], Any],
     deadline: Deadline,
 ) -> tuple[Any, tuple[EdgeNumber, ...]]:
     """The shape with those edges that are sharp blended by booleans with their swept sections, and the edges that stay sharp."""
-    done = [s for s in stretches if (s.feature, s.edge) not in sharp]
+    done = [s for s in placed.edges if (s.feature, s.edge) not in sharp]
     exact = _blended(to_manifold(program), sweep_blends(done))
     volume, failed = shape_volume(shape, VOLUME_ERROR), list[EdgeNumber]()
-    numbers = lower(program)
     for number in sharp:
-        group = [s for s in stretches if (s.feature, s.edge) == number]
+        group, rooms = zip(*(pair for pair in placed.pairs if (pair[0].feature, pair[0].edge) == number), strict=True)
         pieces, has_time = sweep_blends(group), not deadline.has_passed()
-        tried, after = shape if has_time and all(has_room(numbers, s) for s in group) else None, exact
+        tried, after = shape if has_time and all(rooms) else None, exact
         for piece in pieces if tried is not None else ():
             solid = to_manifold(piece.solid)
             after = after - solid if piece.cuts else after + solid
@@ -227,12 +226,12 @@ def _blend_feature(state: _State, stretches: list[BlendedEdge], deadline: Deadli
 
 
 def _group(stretches: list[BlendedEdge], pairs: Sequence[Sequence[int]]) -> list[list[BlendedEdge]]:
-    # a quarter of a second, which a part without edge features does without
-    from imdim.target.bodies import components
-
-    links = np.array(pairs, dtype=int).reshape(-1, 2)
-    found, label = components(links[:, 0], links[:, 1], len(stretches))
-    return [[stretches[k] for k in np.flatnonzero(label == g)] for g in range(found)]
+    """The stretches that `pairs` of their numbers link, each group and all groups in their order."""
+    first = list(range(len(stretches)))  # of the group of each
+    for one, two in pairs:
+        low, high = sorted((first[one], first[two]))
+        first = [low if number == high else number for number in first]
+    return [[s for s, number in zip(stretches, first, strict=True) if number == group] for group in sorted(set(first))]
 
 
 def _lying_on(shape: Any, stretches: Sequence[BlendedEdge], slack: float, places: np.ndarray) -> list[_Lying]:

@@ -1,8 +1,9 @@
 """STEP export in a process of its own: OpenCASCADE can take minutes or crash on a hard shape, and must not take the other results along.
 
 ``python -m imdim.export.step_worker`` loads OpenCASCADE, which takes a second, reads one line of JSON, [PROGRAM.json, OUT.step, NAME,
-FEATURES], writes the file, in millimetres whatever the units of the document, and prints its re-read volume; a failure is one line on
-stderr. FEATURES are the names of the features; where there are none, they are found once more.
+FEATURES, EDGES], writes the file, in millimetres whatever the units of the document, and prints its re-read volume; a failure is one line
+on stderr. FEATURES are the names of the features; where there are none, they are found once more. EDGES are where those of edge features
+lie, in millimetres: who asks has compiled kernels, which take a second to load, to find them with.
 A part with edge features is written, and told, twice: sharp, then with as many of them as OpenCASCADE can blend. If it fails on these the
 sharp one stays. It ends with the process that started it, however that ends: its standard input closes then.
 """
@@ -21,7 +22,8 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from imdim.export.part_names import NAMELESS, PartNames, spell
-from imdim.export.step import StepError, path_beside, step_volume, write_stages
+from imdim.export.placed_edges import PlacedEdges
+from imdim.export.step import StepError, path_beside, write_stages
 from imdim.export.step_booleans import ocp
 from imdim.install import install_command
 from imdim.program.codec import constraints_of, edges_of, from_json, meta_of, parse, read_folded
@@ -75,11 +77,23 @@ def start_step(document: Path, out: Path, name: str = NAMELESS, features: Sequen
     """Start exporting the program.json `document` as a part called `name`, its features as these or, of none, by their roles, by a `worker`
     that waits or by a new one; raises StepError when OpenCASCADE is not installed."""
     process, lifeline = worker or start_worker()
+    asked = [str(document), str(out), spell(name), list(features), _place_edges(document).rows]
     # one that has ended already says why when it is waited for
     with suppress(BrokenPipeError):
-        lifeline.write(json.dumps([str(document), str(out), spell(name), list(features)]).encode() + b"\n")
+        lifeline.write(json.dumps(asked).encode() + b"\n")
         lifeline.flush()
     return StepJob(process, out, lifeline)
+
+
+def _place_edges(document: Path) -> PlacedEdges:
+    """Where the edges of a document's features are, in millimetres; none of one that cannot be read, which its process says."""
+    try:
+        read = parse(document.read_text(encoding="utf-8"))
+        return (
+            PlacedEdges.of(_in_millimetres(read), scale_edges(edges_of(read), _millimetres_of(read))) if edges_of(read) else PlacedEdges()
+        )
+    except (OSError, ValueError):
+        return PlacedEdges()
 
 
 def finish_step(job: StepJob, limit_s: float) -> Exported:
@@ -174,6 +188,16 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
+def _in_millimetres(document: object) -> Program:
+    factor = _millimetres_of(document)
+    return map_leaves(from_json(document), lambda _, leaf: _scale(leaf, factor))
+
+
+def _millimetres_of(document: object) -> float:
+    """What a unit of a document is."""
+    return to_millimetres(meta_of(document).units)
+
+
 def _scale(leaf: Primitive, factor: float) -> Primitive:
     x, y, z = (c * factor for c in leaf.center)
     return leaf if factor == 1 else map_lengths(leaf, lambda s: s * factor, (x, y, z))
@@ -191,16 +215,15 @@ def main() -> None:
     asked = _read_line()
     if not asked:
         return  # nobody needs it any more
-    document, out, name, called = json.loads(asked)
+    document, out, name, called, placed = json.loads(asked)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         read = parse(Path(document).read_text(encoding="utf-8"))
         program = from_json(read)
-        features = tuple(called) or _label(program, read)
-        names, factor = PartNames.of(program, name, features), to_millimetres(meta_of(read).units)
-        program, edges_in = map_leaves(program, lambda _, leaf: _scale(leaf, factor)), scale_edges(edges_of(read), factor)
-        for edges, sharp in write_stages(program, Path(out), edges_in, names):
-            sys.stdout.write(f"{step_volume(Path(out))!r} {len(edges)} {len(sharp)}\n")
+        names = PartNames.of(program, name, tuple(called) or _label(program, read))
+        for stage in write_stages(_in_millimetres(read), Path(out), PlacedEdges.from_rows(placed), names):
+            edges, sharp = stage.blending
+            sys.stdout.write(f"{stage.volume!r} {len(edges)} {len(sharp)}\n")
             sys.stdout.flush()
     except (StepError, OSError) as error:
         sys.exit(str(error))

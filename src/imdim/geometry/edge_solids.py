@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from manifold3d import Manifold
 
-from imdim.geometry.edges import BlendedEdge, Interval, Track, find_edges, meet_faces
+from imdim.geometry.blended_edge import BlendedEdge, Interval, Track, meet_faces
 from imdim.geometry.rotations import cross, euler_from_matrix
+from imdim.geometry.rows import lengths
 from imdim.geometry.solid import SEGMENTS, bounds_of, surface_with_owners, to_manifold
 from imdim.geometry.surface import vec
 from imdim.program.edges import EdgeFeature, EdgeKind
@@ -78,6 +79,8 @@ def blend_solids(program: Program, features: Sequence[EdgeFeature]) -> Blends:
 
 @lru_cache(maxsize=8)  # one delivery asks for those of one program many times
 def _blend_solids(program: Program, features: tuple[EdgeFeature, ...]) -> Blends:
+    from imdim.geometry.edges import find_edges  # with it come compiled kernels, which the process that writes STEP does without
+
     found = find_edges(program, features)
     return Blends(sweep_blends(found.edges), found.missing)
 
@@ -184,11 +187,8 @@ def _corners(swept: Sequence[BlendedEdge]) -> Iterator[BlendSolid]:
     ends = [(s, k) for s in swept if not s.stretch.is_closed for k in (0, 1) if not s.goes_on[k]]
     if not ends:
         return
-    from scipy.spatial import KDTree  # a fifth of a second, which the process that writes STEP does without where no edges are blended
-
     at = np.array([s.end(k) for s, k in ends])
-    near = KDTree(at).query_pairs(MEET * max(s.size for s, _ in ends), output_type="ndarray")
-    for i, j in near[np.lexsort(near.T[::-1])].tolist():
+    for i, j in _near_pairs(at, MEET * max(s.size for s, _ in ends)):
         (a, k), (b, m) = ends[i], ends[j]
         if a is b or a.feature != b.feature or a.stretch.is_convex != b.stretch.is_convex:
             continue
@@ -196,3 +196,16 @@ def _corners(swept: Sequence[BlendedEdge]) -> Iterator[BlendSolid]:
             continue
         one, two = (sweep_edge(s, *((GO_ON * s.size if e == end else 0.0) for e in (0, 1))) for s, end in ((a, k), (b, m)))
         yield BlendSolid(a.feature, a.edge, a.stretch.is_convex, Combine("intersection", one, two))
+
+
+def _near_pairs(points: np.ndarray, reach: float) -> Iterator[tuple[int, int]]:
+    """The numbers of points [n, 3] no further apart than `reach`, the lower first, in order."""
+    order = np.argsort(points[:, 0], kind="stable")
+    along = points[order, 0]
+    ends = np.searchsorted(along, along + reach, side="right")
+    found = []
+    for k, end in enumerate(ends.tolist()):
+        others = order[k + 1 : end]
+        near = others[lengths(points[others] - points[order[k]]) <= reach] if len(others) else others
+        found += [(min(int(order[k]), j), max(int(order[k]), j)) for j in near.tolist()]
+    yield from sorted(found)

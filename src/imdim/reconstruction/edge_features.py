@@ -19,8 +19,9 @@ from imdim.detection.blends import Blend, Chain, chains_among
 from imdim.detection.facets import facets_of
 from imdim.detection.mesh_surfaces import detect_patches, detect_shown
 from imdim.detection.sharpen import sharpen
+from imdim.geometry.blended_edge import BlendedEdge
 from imdim.geometry.edge_solids import sweep_blends
-from imdim.geometry.edges import BlendedEdge, find_edges
+from imdim.geometry.edges import find_edges
 from imdim.geometry.faces import carrier
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import mesh_to_manifold, to_manifold
