@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from imdim.export.followers import GAP, WALL, rank_followers
+from imdim.export.followers import GAP, SHOULDER, WALL, rank_followers
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.reduction import Reduced
 from imdim.export.seen import find_unseen
 from imdim.export.spans import Span, list_spans
+from imdim.export.turned_spans import list_turned_spans
 from imdim.program.tree import Program
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def solve_apart(system: LinearSystem, program: Program) -> tuple[dict[int, dict[
     reduced = system.reduce()
     solved = system.solve(reduced)
     unseen = find_unseen(system, solved, program)
-    spans = list(list_spans(system, program))
+    spans = [*list_spans(system, program), *list_turned_spans(system, program)]
     if not 1 < len(spans) <= MOST_SPANS:
         return solved, unseen
     found = _Spans(system, sorted(spans, key=lambda s: s.leaf))
@@ -97,7 +98,7 @@ def _add_equation(
     first, second = found.leaves_of(hazard)
     reduced = before.reduced.add([equation.with_name(system, second)], len(system.start))
     left = reduced.matrix[-1]
-    ranked = rank_followers(system, np.flatnonzero(left).tolist(), second, first, hazard.variable)
+    ranked = rank_followers(system, np.flatnonzero(left).tolist(), second, first, hazard.variable, found.is_radial(hazard))
     follower = next((v for v in ranked if system.is_plain(left / left[v])), None)
     if follower is None:
         return None
@@ -179,11 +180,19 @@ class _Spans:
         """The leaves of both."""
         return self._spans[h.first].leaf, self._spans[h.second].leaf
 
+    def is_radial(self, h: Hazard) -> bool:
+        """Whether both are distances from an axis."""
+        return self._spans[h.second].is_radial
+
     def keep_apart(self, h: Hazard) -> Iterator[_Distance]:
         """Distances by which the second stays so far from the first: those that a person would measure, and else what is between them,
         where a tenth of the former is more."""
         one, two = self._spans[h.first], self._spans[h.second]
         up = h.gap > 0 or (h.gap == 0 and self._ends[h.second, 0] >= self._ends[h.first, 1])
+        left = sum_rows((two.sides[0 if up else 1], 1.0), (one.sides[1 if up else 0], -1.0))
+        if two.is_radial:
+            yield _Distance(left, h.gap, SHOULDER if one.leaf == two.leaf else WALL)
+            return
         (at, row), (other, its) = two.datums[0 if up else 1], one.datums[1 if up else 0]
         # a bar on an edge lies about that, and one that ends in another ends in the middle of it
         if two.middle is not None and abs(two.middle[0] - other) < abs(at - other):
@@ -192,5 +201,4 @@ class _Spans:
             other, its = one.middle
         yield _Distance(sum_rows((row, 1.0), (its, -1.0)), at - other, GAP)
         if TENTH * abs(at - other) >= abs(h.gap):
-            sides = two.sides[0 if up else 1], one.sides[1 if up else 0]
-            yield _Distance(sum_rows((sides[0], 1.0), (sides[1], -1.0)), h.gap, WALL)
+            yield _Distance(left, h.gap, WALL)

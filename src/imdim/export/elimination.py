@@ -20,12 +20,12 @@ from imdim.export.clip_seats import seats_at_clips
 from imdim.export.contacts import find_contacts, find_own_numbers
 from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
-from imdim.export.outline_joints import sum_rows
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.own_directions import find_own_directions
 from imdim.export.reduction import ZERO, Reduced
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.round_contacts import bind_plugs
+from imdim.export.round_seats import seats_at_rounds
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
 from imdim.export.seen import HAIR, SeenPlanes, find_hidden_ends
 from imdim.export.tilted_cuts import pass_aslant
@@ -121,11 +121,13 @@ class LinearSystem:
                     row[v] = row.get(v, 0.0) - factor
                 system._add_seat(own.leaf, row, word)
                 seated.add((own.leaf, own.axis, own.side))
-        for own, face in seats_at_clips(system, program, hidden):
+        cut_off = find_hidden_ends(whole, turned=True)
+        for own, row in (*seats_at_clips(system, program, cut_off), *seats_at_rounds(system, program, cut_off)):
             if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
                 # where the other end is seen that says where the leaf is, and this one how large
-                of = system.ties if (own.leaf, own.axis, -own.side) in hidden else system.reaches
-                of.append((own.leaf, sum_rows((system.place_of_end(own), 1.0), (dict(face.row), -1.0))))
+                of = system.ties if (own.leaf, own.axis, -own.side) in cut_off else system.reaches
+                of.append((own.leaf, row))
+                seated.add((own.leaf, own.axis, own.side))
         # both about their middles, so that neither end of the cut falls behind
         system.ties += [(cut, {6 * cut + c: 1.0, 6 * leaf + d: -1.0}) for (cut, c), (leaf, d) in pass_aslant(program)]
         system.contacts = list(find_contacts(system, program, SeenPlanes(whole, HAIR))) if system.walls else []
@@ -133,8 +135,9 @@ class LinearSystem:
             system._add_places(ties(program, constraints, hidden))
             system._hold_places(parts, numbers)
         for leaf in system.heights:
-            # otherwise what is turned grows upwards, as seen along its own axis
-            system.ties += [(leaf, system.place_of_end(end, 1.0)) for end in ends_of(leaf, parts[leaf], numbers) if end.local == "-z"]
+            # otherwise what is turned grows upwards, as seen along its own axis, or from the end that is seen
+            ends = sorted(ends_of(leaf, parts[leaf], numbers), key=lambda e: ((e.leaf, e.axis, e.side) in cut_off, e.local == "+z"))
+            system.ties += [(leaf, system.place_of_end(end, 1.0)) for end in ends[:1]]
         return system
 
     def reduce(self) -> Reduced:
@@ -161,7 +164,7 @@ class LinearSystem:
             among = [*(6 * leaf + 5 - k for k in range(3)), *(spacings if with_spacing and leaf in firsts else [])]
             self._solve_for_first(whole, i, among)
         for i, (leaf, _) in enumerate(self.reaches, start=len(whole.matrix) - len(self.reaches)):
-            self._solve_for_first(whole, i, range(6 * leaf, 6 * leaf + 3))
+            self._solve_for_first(whole, i, [*range(6 * leaf, 6 * leaf + 3), *filter(None, [self.heights.get(leaf)])])
         rows = whole.read()
         return {v: row for v, row in rows.items() if all(_is_plain(2 * c) or self._is_circle(w) for w, c in row.items())}
 

@@ -16,18 +16,19 @@ if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
 GAP, WALL = "gap", "wall_thickness"  # words of a distance between what is measured to, and of what is left between faces
+SHOULDER = "shoulder"  # of one between two walls of what is turned
 PLACE, END, LINE, EXTENT = range(4)
 EXTENTS = frozenset(("length", "width", "height", "spacing", "thickness", "circle"))  # words of sizes
 ENDS = frozenset(("depth", "from", "floor", "x", "y", "z"))  # first words of where an end or a middle is
 
 
-def rank_followers(system: LinearSystem, among: Iterable[int], second: int, first: int, mover: int) -> list[int]:
+def rank_followers(system: LinearSystem, among: Iterable[int], second: int, first: int, mover: int, radial: bool) -> list[int]:
     """Those of variables `among` that may follow from how far a face of the leaf `second` is from one of `first`, the best first; `mover`
-    moves one past the other."""
+    moves one past the other. A `radial` distance is one between two diameters, of which one follows."""
     order = (LINE, PLACE, END) if first == second else (PLACE, END, LINE)
     ranks: dict[int, int] = {}
     for v in among:
-        leaf, kind = system.leaf_of(v), _kind_of(system, v)
+        leaf, kind = system.leaf_of(v), LINE if radial and _is_diameter(system, v) else _kind_of(system, v)
         if leaf == second and kind in order:
             ranks[v] = 0 if v == mover else 1 + order.index(kind)
         elif leaf == first and kind in (PLACE, LINE):
@@ -37,6 +38,10 @@ def rank_followers(system: LinearSystem, among: Iterable[int], second: int, firs
         elif v == mover and kind in order:
             ranks[v] = 8
     return sorted(ranks, key=lambda v: (ranks[v], -v))
+
+
+def _is_diameter(system: LinearSystem, v: int) -> bool:
+    return v >= system.extra and system.extras[v - system.extra][1].endswith("diameter")
 
 
 def _kind_of(system: LinearSystem, v: int) -> int | None:

@@ -60,11 +60,12 @@ def find_seen_reach(program: Program) -> dict[int, tuple[np.ndarray, np.ndarray]
     return {leaf: (at.min(0), at.max(0)) for leaf, at in own.items()}
 
 
-@lru_cache(maxsize=4)
-def find_hidden_ends(program: Program) -> frozenset[tuple[int, int, int]]:
-    """The plane ends along the world's axes, by leaf, axis and side, that have no part in the surface and lie level with none that has."""
+@lru_cache(maxsize=8)
+def find_hidden_ends(program: Program, turned: bool = False) -> frozenset[tuple[int, int, int]]:
+    """The plane ends along the world's axes, by leaf, axis and side, that have no part in the surface and lie level with none that has;
+    with `turned` also those of outlines that are turned."""
     parts, numbers = list(leaves(program)), lower(program)
-    ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0]
+    ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if turned or e.column >= 0]
     surface, _ = _surface_of(program)
     slack, least = LEVEL * longest(parts), TRACE * surface.area
     levels = [_levels(surface.triangles_center[:, a], surface.face_normals[:, a], surface.area_faces, least, slack) for a in range(3)]

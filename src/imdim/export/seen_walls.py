@@ -1,4 +1,4 @@
-"""Which walls of extrusions have a part in the surface of a solid; what others are drawn by is no dimension."""
+"""Which walls of drawings have a part in the surface of a solid; what others are drawn by is no dimension."""
 
 from __future__ import annotations
 
@@ -53,26 +53,29 @@ def _rows_of_vertex(vertex: DrawnVertex[Sum], k: int, curves: Sequence[Curve], s
 
 
 class _Facets(NamedTuple):
-    """Triangles near an extrusion, in its frame: their middles [n, 2] and normals [n, 2] across its axis, and areas [n]."""
+    """Triangles near an extrusion, in its frame: their middles [n, 2] and normals [n, 2] across its axis, and areas [n]; near what is
+    turned those in the half plane beside its axis, and by how much a `chord` there misses its circle."""
 
     middles: np.ndarray
     normals: np.ndarray
     areas: np.ndarray
+    chord: float = 0.0
 
 
 @lru_cache(maxsize=4)
 def find_hidden_walls(program: Program) -> frozenset[Wall]:
-    """The walls of extrusions of which nothing is seen."""
+    """The walls of extrusions, and of what is turned, of which nothing is seen."""
     parts = list(leaves(program))
     surface, _ = surface_with_owners(program, CHECK_SEGMENTS)
     slack, least = LEVEL * longest(parts), TRACE * surface.area
     found = set[Wall]()
     for i, part in enumerate(parts):
-        if part.kind == "extrude" and part.outline is not None:
-            facets = _facets_near(part, surface.triangles_center, surface.face_normals, surface.area_faces, slack)
+        if part.outline is not None:
+            near = _facets_near if part.kind == "extrude" else _facets_about
+            facets = near(part, surface.triangles_center, surface.face_normals, surface.area_faces, slack)
             rings = [() if isinstance(loop, Ellipse) else ring_curves(loop) for loop in part.outline.loops]
             walls = ((n, k, curve) for n, ring in enumerate(rings) for k, curve in enumerate(ring))
-            found |= {(i, n, k) for n, k, curve in walls if facets.areas[_lie_in(curve, facets, slack)].sum() <= least}
+            found |= {(i, n, k) for n, k, curve in walls if facets.areas[_lie_in(curve, facets, slack + facets.chord)].sum() <= least}
     return frozenset(found)
 
 
@@ -84,6 +87,19 @@ def _facets_near(part: Primitive, middles: np.ndarray, normals: np.ndarray, area
     low, high = (np.array([*corner, side * part.size[0] / 2]) for corner, side in zip(part.outline.bounds, (-1, 1), strict=True))
     near = ((local >= low - slack) & (local <= high + slack)).all(1) & (np.abs(normals @ turn[:, 2]) < ALONG)
     return _Facets(local[near, :2], (normals[near] @ turn)[:, :2], areas[near])
+
+
+def _facets_about(part: Primitive, middles: np.ndarray, normals: np.ndarray, areas: np.ndarray, slack: float) -> _Facets:
+    """Those of triangles [n] that lie in the box around an outline that is turned."""
+    assert part.outline is not None
+    turn, (low, high) = exact_rotation(part), part.outline.bounds
+    local, facing = (middles - np.array(part.center)) @ turn, normals @ turn
+    reach, chord = np.hypot(local[:, 0], local[:, 1]), high[0] * (1 - math.cos(math.pi / CHECK_SEGMENTS))
+    flat = np.column_stack([reach, local[:, 2]])
+    way = np.sign((local[:, :2] * facing[:, :2]).sum(1))
+    out = np.column_stack([np.hypot(facing[:, 0], facing[:, 1]) * way, facing[:, 2]])
+    near = ((flat >= np.array(low) - slack - chord) & (flat <= np.array(high) + slack)).all(1)
+    return _Facets(flat[near], out[near], areas[near], chord)
 
 
 def _lie_in(curve: Curve, facets: _Facets, slack: float) -> np.ndarray:

@@ -30,7 +30,8 @@ ROUND = ("cylinder", "cone")
 class Span(NamedTuple):
     """What fills a box `low` [3] to `high` [3], as seen along an `axis`: of its low and its high side the rows that say where it is, and
     where that is which a person would measure to, with its row: of a circle its centre. Of an end of a leaf the `middle` between both is
-    another such place. One that is `only` beside those that say the same is looked at with these alone."""
+    another such place. One that is `only` beside those that say the same is looked at with these alone; one that `is_radial` is a distance
+    from an axis."""
 
     leaf: int
     axis: int
@@ -40,6 +41,7 @@ class Span(NamedTuple):
     datums: tuple[tuple[float, Row], tuple[float, Row]]
     middle: tuple[float, Row] | None = None
     only: tuple[int, ...] = ()
+    is_radial: bool = False
 
 
 def list_spans(system: LinearSystem, program: Program) -> Iterator[Span]:

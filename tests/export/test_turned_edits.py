@@ -1,0 +1,77 @@
+"""Edits by a tenth of what is turned: its walls stay beside each other, bores in their tubes, and cuts from the side in the walls."""
+
+import pytest
+from tests.export.test_collisions import _read
+
+from imdim.export.edit import change_values, solid_of
+from imdim.geometry.census import census_of
+from imdim.program.outline import Outline
+from imdim.program.tree import Combine, Primitive, leaves
+
+
+def _turned(*corners, center=(0.0, 0.0, 0.0)):
+    return Primitive("revolve", (360.0,), center, outline=Outline((tuple((x, y, 0.0) for x, y in corners),)))
+
+
+def _tenths(part):
+    return [(name, change_values(part, {name: factor * value})) for name, value in part.values.items() for factor in (0.9, 1.1)]
+
+
+def test_a_band_stays_wider_than_what_is_beside_it():
+    """By half a millimetre in 40: a tenth of either diameter is eight times that."""
+    part = _read(_turned((0, -15), (19.5, -15), (19.5, -5), (20, -4), (20, 5), (19.5, 5), (19.5, 15), (0, 15)))
+    assert part.values["turned_part_shoulder"] == pytest.approx(0.5)
+    for name, edited in _tenths(part):
+        (leaf,) = leaves(edited.program)
+        radii = sorted({round(x, 6) for x, _, _ in leaf.outline.loops[0] if x > 0})
+        assert len(radii) == 2, name
+        assert radii[1] == max(x for x, y, _ in leaf.outline.loops[0] if abs(y) < 10), name
+
+
+def test_a_bore_that_all_but_fills_a_tube_leaves_a_wall():
+    tube = _turned((0, -40), (20.5, -40), (20.5, 30), (40, 30), (40, 40), (0, 40))
+    part = _read(Combine("difference", tube, Primitive("cylinder", (18.5, 82.0))))
+    assert [v for name, v in part.values.items() if name.endswith("wall_thickness")] == pytest.approx([2.0])
+    for name, edited in _tenths(part):
+        assert census_of(solid_of(edited)).kind == (1, 1, 0), name
+
+
+def test_what_is_turned_is_cut_off_still_where_its_clip_ends():
+    """A socket that a cylinder cuts off shortly before its own end, which nobody sees."""
+    socket = _turned((0, -40), (20, -40), (20, 30), (60, 30), (60, 40), (0, 40))
+    part = _read(Combine("intersection", socket, Primitive("cylinder", (60.0, 80.0), (0.0, 0.0, 0.3))))
+    assert 80.0 not in part.values.values()
+    for name, edited in _tenths(part):
+        turned, clip = leaves(edited.program)
+        assert clip.center[2] - clip.size[1] / 2 - (turned.center[2] + turned.outline.bounds[0][1]) == pytest.approx(0.3), name
+
+
+@pytest.mark.parametrize("start", [11.0, 11.8])
+def test_a_hole_from_the_side_of_a_collar_goes_from_its_bore_to_the_outside(start):
+    """One that begins well inside the bore, and one of which the rim of that end is seen."""
+    collar = Combine("difference", Primitive("cylinder", (20.0, 16.0)), Primitive("cylinder", (12.0, 18.0)))
+    screw = Primitive("cylinder", (3.0, 21.0 - start), ((21.0 + start) / 2, 0.0, 0.0), (0.0, 90.0, 0.0))
+    part = _read(Combine("difference", collar, screw))
+    for name, edited in _tenths(part):
+        disc, bore, hole = leaves(edited.program)
+        ends = hole.center[0] - hole.size[1] / 2, hole.center[0] + hole.size[1] / 2
+        assert ends == pytest.approx((bore.size[0] - 12.0 + start, disc.size[0] + 1.0)), name
+
+
+def test_a_peg_on_a_shaft_stays_sunk_in_it():
+    peg = Primitive("cylinder", (3.0, 12.0), (25.0, 0.0, 0.0), (0.0, 90.0, 0.0))
+    part = _read(Combine("union", Primitive("cylinder", (20.0, 60.0)), peg))
+    for name, edited in _tenths(part):
+        assert census_of(solid_of(edited)).kind == (1, 0, 0), name
+
+
+def test_a_bar_between_two_posts_reaches_from_axis_to_axis():
+    plate = Primitive("box", (60.0, 60.0, 4.0))
+    posts = [Primitive("cylinder", (5.0, 18.0), (x, 0.0, 9.0)) for x in (-15.0, 20.0)]
+    bar = Primitive("box", (35.0, 4.0, 6.0), (2.5, 0.0, 14.0))
+    part = _read(Combine("union", Combine("union", Combine("union", plate, posts[0]), posts[1]), bar))
+    assert {-15.0, 20.0} <= set(part.values.values())
+    for name, edited in _tenths(part):
+        _, left, right, bar = leaves(edited.program)
+        ends = bar.center[0] - bar.size[0] / 2, bar.center[0] + bar.size[0] / 2
+        assert ends == pytest.approx((left.center[0], right.center[0])), name
