@@ -121,6 +121,9 @@ def group_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         for k in range(rows.shape[1]):
             h = (h ^ rows[i, k]) * np.uint64(0x9E3779B97F4A7C15)
             h ^= h >> np.uint64(32)
+        # rows may differ in their highest byte alone, which one product brings nowhere else
+        h *= np.uint64(0x9E3779B97F4A7C15)
+        h ^= h >> np.uint64(29)
         at = h & mask
         while table[at] >= 0 and _order_rows(rows, first[table[at]], rows, i) != 0:
             at = (at + np.uint64(1)) & mask
