@@ -75,3 +75,29 @@ def test_a_bar_between_two_posts_reaches_from_axis_to_axis():
         _, left, right, bar = leaves(edited.program)
         ends = bar.center[0] - bar.size[0] / 2, bar.center[0] + bar.size[0] / 2
         assert ends == pytest.approx((left.center[0], right.center[0])), name
+
+
+def test_a_countersink_in_a_collar_stays_at_its_wall():
+    collar = Combine("difference", Primitive("cylinder", (20.0, 16.0)), Primitive("cylinder", (12.0, 18.0)))
+    sunk = Primitive("cone", (3.0, 5.0, 1.8), (20.1, 0.0, 0.0), (0.0, 90.0, 0.0))
+    screw = Primitive("cylinder", (3.0, 20.0), (17.0, 0.0, 0.0), (0.0, 90.0, 0.0))
+    part = _read(Combine("difference", Combine("difference", collar, screw), sunk))
+    for name, edited in _tenths(part):
+        disc, _, _, cone = leaves(edited.program)
+        assert cone.center[0] + cone.size[2] / 2 == pytest.approx(disc.size[0] + 1.0), name
+
+
+def test_what_is_stacked_end_on_end_stays_so():
+    """With a hair of overlap, as people write it."""
+    parts = [Primitive("cylinder", (5.0 + i, 8.0), (0.0, 0.0, 4.0 + 7.995 * i)) for i in (0, 1, 2)]
+    part = _read(Combine("union", Combine("union", parts[0], parts[1]), parts[2]))
+    for name, edited in _tenths(part):
+        first, second, third = leaves(edited.program)
+        for low, high in ((first, second), (second, third)):
+            assert low.center[2] + low.size[1] / 2 - (high.center[2] - high.size[1] / 2) == pytest.approx(0.005), name
+
+
+def test_a_cut_aslant_that_ends_in_the_air_on_both_sides_has_no_depth():
+    bar = Primitive("box", (60.0, 20.0, 10.0))
+    hole = Primitive("cylinder", (2.0, 33.3), (0.0, 0.0, 0.0), (0.0, 30.0, 0.0))
+    assert 33.3 not in _read(Combine("difference", bar, hole)).values.values()

@@ -20,11 +20,12 @@ from imdim.export.clip_seats import seats_at_clips
 from imdim.export.contacts import find_contacts, find_own_numbers
 from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
+from imdim.export.outline_joints import sum_rows
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.own_directions import find_own_directions
 from imdim.export.reduction import ZERO, Reduced
 from imdim.export.repeat_rows import add_repeats
-from imdim.export.round_contacts import bind_plugs
+from imdim.export.round_contacts import bind_plugs, find_stacked
 from imdim.export.round_seats import seats_at_rounds
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
 from imdim.export.seen import HAIR, SeenPlanes, find_hidden_ends
@@ -125,9 +126,12 @@ class LinearSystem:
         for own, row in (*seats_at_clips(system, program, cut_off), *seats_at_rounds(system, program, cut_off)):
             if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
                 # where the other end is seen that says where the leaf is, and this one how large
-                of = system.ties if (own.leaf, own.axis, -own.side) in cut_off else system.reaches
+                of = system.ties if (own.leaf, own.axis, -own.side) in cut_off or parts[own.leaf].kind == "cone" else system.reaches
                 of.append((own.leaf, row))
                 seated.add((own.leaf, own.axis, own.side))
+        for own, other in find_stacked(program, sources):
+            if (own.leaf, own.axis, own.side) not in seated:
+                system.ties.append((own.leaf, sum_rows((system.place_of_end(own), 1.0), (system.place_of_end(other), -1.0))))
         # both about their middles, so that neither end of the cut falls behind
         system.ties += [(cut, {6 * cut + c: 1.0, 6 * leaf + d: -1.0}) for (cut, c), (leaf, d) in pass_aslant(program)]
         system.contacts = list(find_contacts(system, program, SeenPlanes(whole, HAIR))) if system.walls else []

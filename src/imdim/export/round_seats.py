@@ -23,7 +23,7 @@ MOST = 0.7  # of a radius, by which the middle of what enters may lie beside the
 SLACK = 1e-7  # of the largest size
 
 
-class _Round(NamedTuple):
+class _EnteredWall(NamedTuple):
     """The wall of a cylinder along a world `axis`, which is that far from it and runs from where to where, and whether it adds."""
 
     leaf: int
@@ -41,7 +41,7 @@ def seats_at_rounds(system: LinearSystem, program: Program, hidden: Collection[t
     for leaf, part in enumerate(parts) if walls else ():
         met = [w for w in walls if (w.adds if sign[leaf] > 0 else not w.adds or leaf in cuts[w.leaf])]
         ends = {(e.axis, e.side): e for e in ends_of(leaf, part, numbers) if e.column >= 0 or leaf in system.heights}
-        loose = [e for e in ends.values() if part.kind != "cone" and (sign[leaf] < 0 or (leaf, e.axis, e.side) in hidden)]
+        loose = [e for e in ends.values() if sign[leaf] < 0 or (leaf, e.axis, e.side) in hidden]
         found: dict[tuple[int, int], Row] = {}
         for end in loose:
             near = [w for w in met if w.leaf != leaf and _is_entered(w, parts, end)]
@@ -49,20 +49,23 @@ def seats_at_rounds(system: LinearSystem, program: Program, hidden: Collection[t
             if wall is not None:
                 number, way = wall
                 found[end.axis, end.side] = {6 * number + 3 + end.axis: 1.0} | ({6 * number: float(way)} if way else {})
+        if part.kind == "cone":  # it moves as a whole: where it ends says how steep it is
+            found = dict(list(found.items())[:1])
         yield from ((ends[at], sum_rows((system.place_of_end(ends[at]), 1.0), (row, -1.0))) for at, row in found.items())
         # what is hidden at its other end, too, goes on ending there
         others = (ends[axis, -side] for axis, side in found if (axis, -side) not in found and (leaf, axis, -side) in hidden)
+        others = others if part.kind != "cone" else ()
         yield from ((end, system.place_of_end(end)) for end in others)
 
 
-def _round_walls(leaf: int, part: Primitive, adds: bool) -> Iterator[_Round]:
+def _round_walls(leaf: int, part: Primitive, adds: bool) -> Iterator[_EnteredWall]:
     along = world_axis(exact_rotation(part)[:, 2]) if part.kind == "cylinder" else None
     if along is not None:
         half = part.size[1] / 2
-        yield _Round(leaf, along, (part.center[along] - half, part.center[along] + half), part.size[0], adds)
+        yield _EnteredWall(leaf, along, (part.center[along] - half, part.center[along] + half), part.size[0], adds)
 
 
-def _is_entered(wall: _Round, parts: Sequence[Primitive], end: End) -> bool:
+def _is_entered(wall: _EnteredWall, parts: Sequence[Primitive], end: End) -> bool:
     """Whether the leaf of an end goes through a round wall about square to that."""
     if wall.axis == end.axis:
         return False
@@ -72,7 +75,7 @@ def _is_entered(wall: _Round, parts: Sequence[Primitive], end: End) -> bool:
 
 
 def _find_wall(
-    walls: Sequence[_Round], parts: Sequence[Primitive], end: End, other: End, sunk: bool, slack: float
+    walls: Sequence[_EnteredWall], parts: Sequence[Primitive], end: End, other: End, sunk: bool, slack: float
 ) -> tuple[int, int] | None:
     """Of the walls between an end and the other one of its leaf that nearest to it, by its leaf and on which side of its axis it is: the
     end is `sunk` into what is round there, or lies in a bore, or has come out. What is sunk to an axis follows that: its side is 0."""
@@ -83,6 +86,9 @@ def _find_wall(
         inside = abs(at - middle) < wall.radius - slack
         way = -1 if inside else 1
         place = middle + way * wall.radius
-        if inside == (sunk or not wall.adds) and start + slack < place < at - slack:
+        level = not sunk and abs(abs(at - middle) - wall.radius) <= slack
+        if level:
+            way, place = (1 if at > middle else -1), at
+        if level or (inside == (sunk or not wall.adds) and start - slack < place < at - slack):
             found.append((place, wall.leaf, 0 if abs(at - middle) <= slack else end.side * way))
     return max(found)[1:] if found else None

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from trimesh import Trimesh
 
-from imdim.export.seats import ends_of, place_of
+from imdim.export.seats import ends_of, place_of, world_axis
 from imdim.export.seen_walls import TRACE, rows_of_walls
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.lowering import lower
-from imdim.geometry.solid import surface_with_owners
-from imdim.program.tree import Program, leaves, longest
+from imdim.geometry.solid import exact_rotation, surface_with_owners
+from imdim.program.tree import FLAT_ENDS, Program, leaves, longest
 
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
@@ -72,6 +72,22 @@ def find_hidden_ends(program: Program, turned: bool = False) -> frozenset[tuple[
     return frozenset((e.leaf, e.axis, e.side) for e in ends if not _is_near(levels[e.axis], place_of(e, parts), slack))
 
 
+def _sizes_aslant(program: Program) -> dict[tuple[int, int], bool]:
+    """By leaf and column the sizes between plane ends that look along none of the world's axes, but for those of cones, and whether one of
+    both has a part in the surface."""
+    surface, _ = _surface_of(program)
+    slack, least = LEVEL * longest(leaves(program)), TRACE * surface.area
+    found: dict[tuple[int, int], bool] = {}
+    for leaf, part in enumerate(leaves(program)):
+        flat = {} if part.kind == "cone" else FLAT_ENDS.get(part.kind, {})
+        turn = exact_rotation(part) if flat else np.eye(3)
+        for axis in (a for a in flat if world_axis(turn[:, a]) is None):
+            off = np.abs((surface.triangles_center - np.array(part.center)) @ turn[:, axis])
+            level = (np.abs(surface.face_normals @ turn[:, axis]) > FACING) & (np.abs(off - part.size[flat[axis]] / 2) <= 2 * slack)
+            found[leaf, flat[axis]] = bool(surface.area_faces[level].sum() > least)
+    return found
+
+
 def _levels(places: np.ndarray, cosines: np.ndarray, areas: np.ndarray, least: float, slack: float) -> np.ndarray:
     """Where along an axis flat faces lie that look along it, sorted: those of triangles at `places` [n]."""
     flat = np.abs(cosines) > FACING
@@ -94,9 +110,12 @@ def find_unseen(system: LinearSystem, solved: Mapping[int, Mapping[int, object]]
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0]
     ending = {v for e in ends if parts[e.leaf].kind != "cone" for v in system.place_of_end(e)}
     shown = [system.place_of_end(e) for e in ends if (e.leaf, e.axis, e.side) not in hidden]
-    shown += [{v: 1.0} for v in range(system.extra) if v not in ending]
     drawn = list(rows_of_walls(system.drawn, program))
     shown += [row for row, seen in drawn if seen]
+    aslant = _sizes_aslant(program)
+    ending |= {6 * leaf + column for leaf, column in aslant}
+    shown += [{6 * leaf + column: 1.0} for (leaf, column), seen in aslant.items() if seen]
+    shown += [{v: 1.0} for v in range(system.extra) if v not in ending]
     hiding = {w for v in ending for w in solved.get(v, (v,))} | {w for row, seen in drawn if not seen for w in _follow(row, solved)}
     short = {v for v in range(system.extra, len(system.start)) if system.is_step(v) and abs(system.start[v]) < SHORTEST * system.length}
     return hiding - {w for row in shown for w in _follow(row, solved)} | short
