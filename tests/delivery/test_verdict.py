@@ -7,7 +7,9 @@ import trimesh
 from tests.planted import box, cut, cylinder, mesh_of, union
 from tests.threaded import bolt
 
+from imdim.delivery import surface_elements
 from imdim.delivery.verdict import SurfaceVerdict, judge, percent
+from imdim.geometry.metrics import diagonal
 from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive, Program
 from imdim.target.target import Target, target_from
@@ -268,3 +270,13 @@ def test_another_part_is_left_out():
 )
 def test_shares_in_words(share, said):
     assert percent(share) == said
+
+
+def test_the_size_of_the_part_is_measured_once_for_all_regions(monkeypatch):
+    """Of a part with hundreds of regions that was a twentieth of a fit."""
+    asked = []
+    monkeypatch.setattr(surface_elements, "diagonal", lambda points: asked.append(len(points)) or diagonal(points))
+    blocks = [trimesh.creation.box((1.0, 1.0, 1.0)).apply_translation((3.0 * k, 0.0, 0.0)) for k in range(6)]
+    verdict = judge(target_from(trimesh.util.concatenate(blocks)), blocks[0])
+    assert len(verdict.regions) == 5
+    assert len(asked) == 1

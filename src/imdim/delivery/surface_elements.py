@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import trimesh
@@ -49,6 +50,11 @@ class SurfaceElements:
     oriented: bool
     mesh: trimesh.Trimesh | None
     noise: NoiseModel | None = None
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Of the box around all of them; every region asks for it."""
+        return diagonal(self.points)
 
     def corners(self, chosen: np.ndarray) -> np.ndarray:
         """Points [k, 3] around the chosen elements [n] bool."""

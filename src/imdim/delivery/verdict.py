@@ -24,7 +24,6 @@ from imdim.delivery.surface_elements import SurfaceElements, elements_of
 from imdim.detection.mesh_noise import DEVIATION
 from imdim.detection.noise import MeasuredNoise
 from imdim.export.verdict_colours import VERDICTS, ColouredTarget
-from imdim.geometry.metrics import diagonal
 from imdim.geometry.solid import SEGMENTS
 from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
 from imdim.program.tree import Program
@@ -131,7 +130,7 @@ def judge(
     explanation = None if program is None or elements.noise is None else explain(program, elements.points, elements.noise, target.scanners)
     borne_out = None
     if program is not None and scanned and elements.mesh is not None:
-        deviation = DEVIATION * diagonal(elements.points)
+        deviation = DEVIATION * elements.diagonal
         borne_out = share_borne_out(program, elements.points, elements.normals, elements.areas, deviation)
     if explanation is not None:
         codes = np.where((codes == EXACT) & _doubted(explanation, elements.points), APPROXIMATED, codes)
@@ -255,7 +254,7 @@ def _region(elements: SurfaceElements, chosen: np.ndarray, code: int, kind: str,
     mean = areas @ elements.normals[chosen] / areas.sum()
     axis = int(np.abs(mean).argmax())
     facing = f" on the {'+' if mean[axis] > 0 else '-'}{'xyz'[axis]} side" if elements.oriented and abs(mean[axis]) >= FACES_ONE_WAY else ""
-    digits = 3 - math.floor(math.log10(diagonal(elements.points)))  # a thousandth of the part
+    digits = 3 - math.floor(math.log10(elements.diagonal))  # a thousandth of the part
     size, at = (", ".join(f"{round(v, digits) + 0.0:.6g}" for v in values) for values in (high - low, (low + high) / 2))
     what = f"{what}, {size.replace(', ', ' x ')}" if what else size.replace(", ", " x ")
     furthest = float(far[chosen].max())
