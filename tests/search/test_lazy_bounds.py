@@ -68,6 +68,15 @@ def test_a_branch_keeps_its_bounds_until_adopted():
     assert known.get(key) is not None
 
 
+def test_a_sequence_that_comes_back_is_not_asked_about_again(monkeypatch):
+    families, known = planted("countersink"), GainBounds()
+    price, sequence = price_of(families), random_sequence(families, 3, np.random.default_rng(0))
+    found = best_insertions(sequence, families, price, known.branch())
+    monkeypatch.setattr(type(families), "best_of", None)
+    again = tuple(Step(step.op, Covered.of(step.term.shape, families)) for step in sequence)
+    assert best_insertions(again, families, price, known.branch()) == found
+
+
 def test_too_much_is_forgotten(monkeypatch):
     monkeypatch.setattr(lazy_bounds, "MOST_BYTES", 1)
     families, known = planted("countersink"), GainBounds()

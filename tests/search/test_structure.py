@@ -13,9 +13,10 @@ from imdim.program.sequence import Step
 from imdim.program.tree import leaves
 from imdim.search import lns
 from imdim.search.candidate_families import Candidate
-from imdim.search.lns import LocalConfig
+from imdim.search.lazy_bounds import GainBounds
+from imdim.search.lns import LocalConfig, complete, improve, rate_sequence
 from imdim.search.minimal_ranges import tidy
-from imdim.search.sequence import Covered, cost, run, spell_out, to_program
+from imdim.search.sequence import Covered, Price, cost, run, shapes_of, spell_out, to_program
 from imdim.search.structure import StructureConfig, search
 
 
@@ -91,20 +92,21 @@ def test_even_without_time_there_is_a_sequence():
     assert list(search(planted("L bracket"), StructureConfig(), np.random.default_rng(0), PASSED))
 
 
-def test_no_move_is_made_twice_that_made_a_sequence_worse(monkeypatch):
-    """The same steps taken out of the same sequence, refilled under the same weights, end as they did."""
-    refill, worse = lns._refill, []
+def test_no_move_is_made_twice(monkeypatch):
+    """The same steps taken out of the same sequence, refilled under the same weights, end as they did: in a worse one, or in one as good,
+    from which other moves lead back."""
+    refill, moves = lns._refill, []
 
     def watched(found, removed, weights, *rest):
-        trial = refill(found, removed, weights, *rest)
-        if trial.objective > found.objective:
-            worse.append((found, removed, weights))  # which keeps the sequence, so that its id stays its own
-        return trial
+        moves.append((shapes_of(found.sequence), removed, weights))
+        return refill(found, removed, weights, *rest)
 
+    families, config = planted("countersink"), LocalConfig()
+    price = Price(2.5e-4 * families.cells.volume)
+    start = complete(rate_sequence((), families, price), config, price, NEVER)
     monkeypatch.setattr(lns, "_refill", watched)
-    searched("countersink")
-    moves = [(id(found), removed, weights) for found, removed, weights in worse]
-    assert len(moves) == len(set(moves)) > 0
+    assert all(found.objective < start.objective for found in improve(start, config, price, np.random.default_rng(0), NEVER, GainBounds()))
+    assert len(moves) == len(set(moves)) > 3
 
 
 @pytest.mark.parametrize("across", [[(5, -28), (7, -3), (4, 25)], [(4, -31), (6, -8), (7, 29)]])

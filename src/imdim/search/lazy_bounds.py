@@ -11,6 +11,7 @@ from bisect import bisect_left, insort
 from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from imdim.program.tree import Op
 from imdim.search.candidate_families import Families
 from imdim.search.group_sums import GroupSums
 from imdim.search.kernels import changeable_cells, most_added
-from imdim.search.sequence import Covered, Insertion, Price, Sequence, gaps, mask_of
+from imdim.search.sequence import Covered, Insertion, Price, Sequence, gaps, mask_of, shapes_of
 
 NEIGHBOURS = 3  # places just asked that bound the next
 Key = tuple[int, str]
@@ -54,18 +55,25 @@ _Asked = tuple[int, int, _Place]  # its position, and how many places were asked
 
 
 class GainBounds:
-    """Bounds from earlier looks at the same families under one gain. A `branch` sees them, and keeps its own apart; both sum together."""
+    """Bounds from earlier looks at the same families under one gain, and what was found for whole sequences. A `branch` sees them, and
+    keeps its own bounds apart; both sum together, and know what either found."""
 
-    def __init__(self, parent: dict[Key, _GroupBound] | None = None, sums: list[GroupSums] | None = None) -> None:
+    def __init__(
+        self,
+        parent: dict[Key, _GroupBound] | None = None,
+        sums: list[GroupSums] | None = None,
+        found: dict[Any, list[Insertion]] | None = None,
+    ) -> None:
         self._parent = parent if parent is not None else {}
         self._sums = sums if sums is not None else []
+        self.found = found if found is not None else {}
         self._own: dict[Key, _GroupBound] = {}
         self._bytes = 0  # of the parent's flags, at most
 
     def branch(self) -> GainBounds:
         """For a trial: what it learns is kept apart until `adopt`, so that a rejected one leaves no looser bounds behind."""
         self._settle()
-        return GainBounds(self._parent, self._sums)
+        return GainBounds(self._parent, self._sums, self.found)
 
     def sums_of(self, families: Families, price: Price) -> GroupSums:
         """The sums of the gain over the groups, as far as they are known."""
@@ -112,8 +120,15 @@ def best_insertions(sequence: Sequence, families: Families, price: Price, known:
     """Insertions of single candidates that win more than a step costs and at least a `share` of the best, best first: one for each place
     and group that had to be asked.
 
-    `known` must come from the same families and weights.
+    `known` must come from the same families and weights. A local search comes to the same sequences again and again.
     """
+    asked = shapes_of(sequence), price, share
+    if asked not in known.found:
+        known.found[asked] = _look_for_insertions(sequence, families, price, known, share)
+    return known.found[asked]
+
+
+def _look_for_insertions(sequence: Sequence, families: Families, price: Price, known: GainBounds, share: float) -> list[Insertion]:
     sums = known.sums_of(families, price)
     gain = sums.gain
     hopes = ((p.total + float(p.caps.max()), p) for p in _places(sequence, gain, families.groups if price.boxes else 1, known))

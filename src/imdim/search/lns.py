@@ -24,6 +24,7 @@ from imdim.search.sequence import (
     Price,
     Sequence,
     Shape,
+    Shaped,
     cost,
     error,
     error_of,
@@ -31,6 +32,7 @@ from imdim.search.sequence import (
     insert,
     pair_insertions,
     run,
+    shapes_of,
     without_one,
 )
 
@@ -131,6 +133,8 @@ def improve(
     size = max(1, len(found.sequence) * len(found.families.cells.points))
     rounds = int(np.clip(config.work / size, config.least_rounds, config.rounds))
     worse: set[tuple[tuple[int, ...], Weights]] = set()  # moves of the sequence as it is
+    # of sequences that are as good each leads to others and back again, by moves that were tried; None is what was worse
+    tried: dict[tuple[tuple[Shaped, ...], tuple[int, ...], Weights], RatedSequence | None] = {}
     for _ in range(rounds):
         if deadline.has_passed() or not found.sequence or idle >= config.patience * rounds + len(attempts):
             return
@@ -139,12 +143,17 @@ def improve(
         if (removed, weights) in worse:  # few steps are soon chosen again, and end as they did
             idle += 1
             continue
-        branches = {under: bounds.branch() for under, bounds in known.items()}
-        trial = _refill(found, removed, weights, config, price, deadline, branches)
-        better = trial.objective < found.objective * (1 - 1e-9)
+        move, branches = (shapes_of(found.sequence), removed, weights), {}
+        if move not in tried:
+            branches = {under: bounds.branch() for under, bounds in known.items()}
+            trial = _refill(found, removed, weights, config, price, deadline, branches)
+            trial = found if shapes_of(trial.sequence) == move[0] else trial
+            tried[move] = trial if trial.objective <= found.objective else None
+        trial = tried[move]
+        better = trial is not None and trial.objective < found.objective * (1 - 1e-9)
         idle = 0 if better else idle + 1
         # the numbers of all of a kind, which come first, are those in this sequence and in no other that is as good
-        if trial.objective > found.objective or (said and not better):
+        if trial is None or (said and not better):
             worse.add((removed, weights))
         else:
             found, worse = trial, set()

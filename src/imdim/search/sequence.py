@@ -76,6 +76,7 @@ class Covered:
 
 
 Sequence = SignedSequence[Covered]
+Shaped = tuple[Op, Shape]
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,11 @@ def without_one(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray]]:
         else:
             emptied = step.term.mask if step.op == "difference" else ~step.term.mask
             of_filled = pick_flags(emptied, of_empty, of_filled)
+
+
+def shapes_of(sequence: Sequence) -> tuple[Shaped, ...]:
+    """What tells sequences over the same cells apart, without the cells."""
+    return tuple((step.op, step.term.shape) for step in sequence)
 
 
 def cost(sequence: Sequence) -> float:
