@@ -5,6 +5,7 @@ Meshes are drawn with a depth buffer, clouds as discs; no display and no GL are 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -53,14 +54,14 @@ class Camera:
 
 @dataclass(frozen=True)
 class Shot:
-    """What the camera sees: `seen` [h, w] bool, and for the seen pixels their point and unit normal [k, 3]; rim pixels darken. `owners` [k]
-    are the faces, or the points of a cloud, that are seen there."""
+    """What the camera sees: `seen` [h, w] bool, and for the seen pixels [k] how brightly they are lit, whether they are at a rim, which
+    darkens, and their `owners`, the faces or the points of a cloud that are seen there. `place` gives the points [m, 3] of some of them."""
 
     seen: np.ndarray
-    points: np.ndarray
-    normals: np.ndarray
+    light: np.ndarray
     rim: np.ndarray
     owners: np.ndarray
+    place: Callable[[np.ndarray], np.ndarray]
 
 
 def preview(target: Target, result: trimesh.Trimesh, worst: float, verdict: ColouredTarget | None = None) -> Image.Image:
@@ -122,19 +123,24 @@ def _shoot_mesh(mesh: trimesh.Trimesh, camera: Camera) -> Shot:
     owner = faces_seen(placed[local.faces], camera.pixels, camera.pixels)
     seen = owner >= 0
     face, (rows, columns) = owner[seen], np.nonzero(seen)
-    flat = _drop_rays(np.column_stack([columns + 0.5 - half, half - rows - 0.5]), local, face)
-    points = flat / camera.scale @ camera.axes + camera.center
+    x, y = columns + (0.5 - half), (half - 0.5) - rows
+    depth = _drop_rays(x, y, local, face)
     normals = np.asarray(local.face_normals)
-    return Shot(seen, points, (_facing(normals) @ camera.axes)[face], _creases(owner, normals, flat[:, 2]), face)
+
+    def place(some: np.ndarray) -> np.ndarray:
+        return np.column_stack([x[some], y[some], depth[some]]) / camera.scale @ camera.axes + camera.center
+
+    return Shot(seen, _lit(_facing(normals) @ camera.axes)[face], _creases(owner, normals, depth), face, place)
 
 
-def _drop_rays(origins: np.ndarray, local: trimesh.Trimesh, face: np.ndarray) -> np.ndarray:
-    """The points [k, 3] of the faces right below `origins` [k, 2]; within the face's range of z where it stands almost upright."""
+def _drop_rays(x: np.ndarray, y: np.ndarray, local: trimesh.Trimesh, face: np.ndarray) -> np.ndarray:
+    """The heights [k] of the faces right below `x`, `y` [k]; within the face's range of z where it stands almost upright."""
     corners, facing = np.asarray(local.vertices)[local.faces], np.asarray(local.face_normals)
-    first, depth = corners[:, 0], corners[:, :, 2]
-    steep = np.where(np.abs(facing[:, 2]) < 1e-6, 1e-6, facing[:, 2])
-    z = first[face, 2] - ((origins - first[face, :2]) * facing[face, :2]).sum(axis=1) / steep[face]
-    return np.column_stack([origins, np.clip(z, depth.min(axis=1)[face], depth.max(axis=1)[face])])
+    first, heights = corners[:, 0], corners[:, :, 2]
+    slope = -facing[:, :2] / np.where(np.abs(facing[:, 2]) < 1e-6, 1e-6, facing[:, 2])[:, None]
+    base = first[:, 2] - (first[:, :2] * slope).sum(axis=1)
+    z = base[face] + x * slope[face, 0] + y * slope[face, 1]
+    return np.clip(z, heights.min(axis=1)[face], heights.max(axis=1)[face])
 
 
 def _facing(normals: np.ndarray) -> np.ndarray:
@@ -148,11 +154,13 @@ def _creases(owner: np.ndarray, normals: np.ndarray, depth: np.ndarray) -> np.nd
     full_depth = np.full(seen.shape, -1e9)
     full_depth[seen] = depth
     rim = np.zeros(seen.shape, bool)
-    for axis in (0, 1):
-        beside = np.roll(owner, 1, axis)
-        rim |= np.abs(full_depth - np.roll(full_depth, 1, axis)) > 12.0
-        apart = owner != beside  # within a face nothing bends
-        rim[apart] |= dot_rows(normals[owner[apart]], normals[beside[apart]]) < CREASE_COSINE
+    # what is next to the frame is no face
+    for here, before in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+        one, two = owner[here], owner[before]
+        edge = np.abs(full_depth[here] - full_depth[before]) > 12.0
+        apart = one != two  # within a face nothing bends
+        edge[apart] |= dot_rows(normals[one[apart]], normals[two[apart]]) < CREASE_COSINE
+        rim[here] |= edge
     return rim[seen]
 
 
@@ -169,7 +177,8 @@ def _shoot_points(points: np.ndarray, normals: np.ndarray | None, camera: Camera
                 _stamp(owner, rows + dy, columns + dx, order, projected[:, 2])
     seen = owner >= 0
     index = owner[seen]
-    return Shot(seen, points[index], _cloud_normals(points, normals, camera, index), np.zeros(len(index), bool), index)
+    light = _lit(_cloud_normals(points, normals, camera, index))
+    return Shot(seen, light, np.zeros(len(index), bool), index, lambda some: points[index[some]])
 
 
 def _stamp(owner: np.ndarray, rows: np.ndarray, columns: np.ndarray, order: np.ndarray, depth: np.ndarray) -> None:
@@ -195,23 +204,30 @@ def _plane_normals(points: np.ndarray, index: np.ndarray) -> np.ndarray:
     return np.linalg.eigh(offsets.transpose(0, 2, 1) @ offsets)[1][:, :, 0]
 
 
+def _lit(normals: np.ndarray) -> np.ndarray:
+    """How brightly surfaces with unit normals [k, 3] are lit."""
+    return 0.55 + 0.45 * np.clip(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
+
+
 def _paint(shot: Shot, colours: np.ndarray, side: int = PANEL) -> Image.Image:
     """The panel at final size: `colours` [k, 3] or [3] lit, on white."""
-    light = LIGHT / np.linalg.norm(LIGHT)
-    shade = 0.55 + 0.45 * np.clip(shot.normals @ light, 0.0, 1.0)
-    shade = np.where(shot.rim, 0.45 * shade, shade)
-    pixels = np.full((*shot.seen.shape, 3), 255.0)
-    pixels[shot.seen] = np.clip(1.06 * shade[:, None] * colours, 0, 255)
-    image = Image.fromarray(pixels.astype(np.uint8))
+    shade = np.where(shot.rim, 0.45 * shot.light, shot.light)
+    pixels = np.full((*shot.seen.shape, 3), 255, np.uint8)
+    pixels[shot.seen] = np.clip(1.06 * shade[:, None] * colours, 0, 255).astype(np.uint8)
+    image = Image.fromarray(pixels)
     return image.resize((side, side), Image.Resampling.BOX)
 
 
 def _heat(shot: Shot, tree: TriangleTree, top: float) -> np.ndarray:
     """Colours [k, 3] of the seen pixels. Distances change slowly: the finer pixels that make one of the picture share one."""
-    rows, columns = np.nonzero(shot.seen)
-    width = shot.seen.shape[1] // SUPERSAMPLE
-    _, first, place = np.unique(rows // SUPERSAMPLE * width + columns // SUPERSAMPLE, return_index=True, return_inverse=True)
-    return ramp(distances(tree, shot.points[first]) / top)[place]
+    side, finer = shot.seen.shape[0] // SUPERSAMPLE, SUPERSAMPLE
+    number = np.full(shot.seen.shape, len(shot.owners))
+    number[shot.seen] = np.arange(len(shot.owners))
+    first = number.reshape(side, finer, side, finer).min(axis=(1, 3))
+    shown = first < len(shot.owners)
+    colours = np.zeros((side, side, 3))
+    colours[shown] = ramp(distances(tree, shot.place(first[shown])) / top)
+    return colours.repeat(finer, 0).repeat(finer, 1)[shot.seen]
 
 
 def ramp(fraction: np.ndarray) -> np.ndarray:
