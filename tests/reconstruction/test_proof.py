@@ -1,16 +1,22 @@
 """What a proof says beside the features that repeat."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, mesh_of, union
 
-from imdim.program.cost import CURVE
+from imdim.program.cost import CURVE, count
+from imdim.program.outline import Outline
+from imdim.program.tree import Primitive
 from imdim.reconstruction import methods
 from imdim.reconstruction.budget import Budget
-from imdim.reconstruction.methods import MethodStep
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.methods import MethodStep, Run
 from imdim.reconstruction.observation import UnitBody, observe
 from imdim.reconstruction.proof import BESIDE, DEARER, Proofs
-from imdim.search.exact.prove import Proof
+from imdim.search.exact.prove import TOO_HARD, Proof
 from imdim.target.target import target_from
 
 PLATE = box(0.8, 0.6, 0.1)
@@ -63,3 +69,30 @@ def test_what_is_shorter_and_cheaper_is_taken_with_its_proof(proofs, monkeypatch
     monkeypatch.setattr(proofs, "of", lambda program: (shorter, Proof(True, 5, 9, program=shorter)))
     step = methods._prove(MethodStep("search", union(shorter, box(0.01, 0.01, 0.05, (0.0, 0.2, 0.0)))), proofs)
     assert (step.program, step.proof) == (shorter, "proved minimal over these candidates")
+
+
+@pytest.mark.parametrize(("why", "asked"), [(TOO_HARD, [5]), ("time ran out", [5, 4])])
+def test_what_was_too_hard_for_the_solver_is_asked_again_at_the_end_alone(proofs, monkeypatch, why, asked):
+    early, programs = Proofs(proofs.seen, proofs.budget), []
+    monkeypatch.setattr(early, "of", lambda program, share: programs.append(program) or (program, Proof(False, 5, 9, why)))
+    for pins in (PINS, PINS[:3]):
+        early.early(union(PLATE, *pins))
+    assert [count(program).primitives for program in programs] == asked
+
+
+@pytest.mark.parametrize(("blocks", "proof"), [(2, "asked"), (16, "")])
+def test_nothing_is_proved_of_primitives_that_are_too_many_to_be_taken(monkeypatch, blocks, proof):
+    """A proof may take ten seconds, of a program that is then left for a drawing."""
+    corners = ((-5.0, -5.0), (5.0, -5.0), (5.0, 0.0), (0.0, 0.0), (0.0, 5.0), (-5.0, 5.0))
+    drawn = Primitive("extrude", (4.0,), outline=Outline((tuple((x, y, 0.0) for x, y in corners),)))
+    found = union(*(box(1.0, 2.0 + 0.1 * i, 4.0, (0.3 * i * i, 0.0, 0.0)) for i in range(blocks)))
+    bounds = np.array([-6.0, -6.0, -3.0]), np.array([6.0, 6.0, 3.0])
+    families = SimpleNamespace(arrangement=SimpleNamespace(bounds=bounds))
+    seen = SimpleNamespace(noisy=False, faceting=0.0, error=lambda _: 0.0, target=SimpleNamespace(mesh=1), families=families)
+    seen.without_outlines = seen
+    monkeypatch.setattr(methods, "_search_and_touch_up", lambda run, proofs: iter([MethodStep("search", found)]))
+    monkeypatch.setattr(methods, "_prove", lambda best, proofs: replace(best, proof="asked"))
+    run = Run(seen, Settings(), lambda: None, Budget(60.0), np.random.default_rng(0))  # type: ignore[arg-type]
+    step = methods._search_primitives(run, MethodStep("search", drawn), MethodStep("search", drawn))
+    assert step is not None
+    assert (step.program, step.proof) == (found, proof)

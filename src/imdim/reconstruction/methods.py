@@ -37,7 +37,7 @@ from imdim.reconstruction.design_events import PartBox
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
-from imdim.reconstruction.plain_program import SAME, has_drawings, is_plainer, may_be_plain, repeats_plainly
+from imdim.reconstruction.plain_program import SAME, has_drawings, is_hardly_longer, is_plainer, may_be_plain, repeats_plainly
 from imdim.reconstruction.policy_beam import has_time_for_beam, misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import DEARER, Proofs
@@ -138,10 +138,13 @@ def auto(run: Run) -> Iterator[MethodStep]:
         best = toothed
         yield best
     drawn = best
-    for source in (_separate, _separate_rims, _search_primitives, _stack_drawings, _separate_bores):
-        if source is _search_primitives and toothed is not None:
-            continue  # which would have to tell each tooth
-        plain = source(run, drawn if source is _search_primitives and has_drawings(best.program) else best)
+
+    def search_primitives(run: Run, best: MethodStep) -> MethodStep | None:
+        # they would have to tell each tooth
+        return None if toothed else _search_primitives(run, drawn if has_drawings(best.program) else best, best)
+
+    for source in (_separate, _separate_rims, search_primitives, _stack_drawings, _separate_bores):
+        plain = source(run, best)
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
             yield best
@@ -303,14 +306,16 @@ def _is_free_of(solid: Manifold, deadline: Deadline) -> Callable[[Program], bool
     return lambda cut: not deadline.has_passed() and (to_manifold(cut) ^ solid).volume() < nothing
 
 
-def _search_primitives(run: Run, drawn: MethodStep) -> MethodStep | None:
-    """What primitives alone tell, where they may and there is time to look for them."""
-    wanted = run.settings.synthesis and may_be_plain(drawn.program, *run.seen.families.arrangement.bounds)
-    if not wanted or run.part_of("starts").has_passed():
+def _search_primitives(run: Run, drawn: MethodStep, best: MethodStep) -> MethodStep | None:
+    """What primitives alone tell, where they may instead of what is `drawn` and there is time to look for them. Nothing is proved of
+    what is too long to be taken for the `best`."""
+    low, high = run.seen.families.arrangement.bounds
+    if not (run.settings.synthesis and may_be_plain(drawn.program, low, high)) or run.part_of("starts").has_passed():
         return None
     # evolution shortens what is long, and a long program is not taken
     settings = replace(run.settings, evolution=False)
-    return _last(_search_all(replace(run, seen=run.seen.without_outlines, settings=settings, rng=run.rng.spawn(1)[0])))
+    alone = replace(run, seen=run.seen.without_outlines, settings=settings, rng=run.rng.spawn(1)[0])
+    return _last(_search_all(alone, lambda program: is_hardly_longer(program, best.program, low, high)))
 
 
 def _last(steps: Iterator[MethodStep]) -> MethodStep | None:
@@ -318,8 +323,8 @@ def _last(steps: Iterator[MethodStep]) -> MethodStep | None:
     return left.pop() if left else None
 
 
-def _search_all(run: Run) -> Iterator[MethodStep]:
-    """What `auto` does with one set of candidates."""
+def _search_all(run: Run, is_wanted: Callable[[Program], bool] = lambda _: True) -> Iterator[MethodStep]:
+    """What `auto` does with one set of candidates; a proof is looked for where a program `is_wanted`."""
     best: MethodStep | None = None
     proofs = Proofs(run.seen, run.budget, run.share)
     for best in _search_and_touch_up(run, proofs):
@@ -328,7 +333,7 @@ def _search_all(run: Run) -> Iterator[MethodStep]:
         before, best = best, source(run, best)
         if best is not None and best != before:
             yield best
-    if best is not None and run.settings.synthesis and not run.seen.noisy and not has_outlines(best.program):
+    if best is not None and run.settings.synthesis and not run.seen.noisy and not has_outlines(best.program) and is_wanted(best.program):
         yield _prove(best, proofs)
 
 

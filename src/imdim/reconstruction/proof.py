@@ -16,7 +16,7 @@ from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.observation import Observation
 from imdim.search.candidate_families import Families
-from imdim.search.exact.prove import Proof, Prover
+from imdim.search.exact.prove import TOO_HARD, Proof, Prover
 
 PROOF_S = 10.0  # for all proofs about a body, at most
 EASY, FALL = 16, 8  # primitives, up to which all of that is given, and the power that less is given with beyond: few proofs end there
@@ -51,6 +51,7 @@ class Proofs:
     asked: int = 0
     fewest: int | None = None
     spent_s: float = 0.0
+    is_too_hard: bool = False
 
     @cached_property
     def _prover(self) -> Prover:
@@ -83,9 +84,12 @@ class Proofs:
         return BESIDE if proof.minimal and proof.program is None else f"not proved: {proof.why or SHORTER}"
 
     def early(self, program: Program) -> tuple[Program, Proof] | None:
-        """As `of`, for a program that the search passes through, where it is shorter than those before; None where that is not worth it."""
+        """As `of`, for a program that the search passes through, where it is shorter than those before; None where that is not worth it: a
+        body whose cells were too hard to tell apart for the solver once are so for shorter programs too, and the last word is left."""
         primitives = count(program).primitives
-        if self.asked == MOST_EARLY or (self.fewest is not None and primitives >= self.fewest):
+        if self.is_too_hard or self.asked == MOST_EARLY or (self.fewest is not None and primitives >= self.fewest):
             return None
         self.asked, self.fewest = self.asked + 1, primitives
-        return self.of(program, EARLY_SHARE)
+        shorter, proof = self.of(program, EARLY_SHARE)
+        self.is_too_hard = proof.why == TOO_HARD
+        return shorter, proof

@@ -24,6 +24,7 @@ from imdim.search.exact.separation_pairs import CellLabels, counterexamples, lea
 
 EQUAL = 1e-3  # of a primitive's price
 OFF = 1.0  # primitives' prices, by which an answer may be dearer over all cells than over the pairs for it to be joined
+TOO_HARD = "time of the solver ran out"
 FINE = 0.25  # of a primitive's price; what less error is worth, once no fewer primitives can do
 
 
@@ -177,7 +178,7 @@ class Prover:
         if found.chosen is not None:
             return None, [columns.candidates[i] for i in found.chosen]
         if not found.known:
-            return "time ran out" if deadline.has_passed() else "time of the solver ran out", chosen
+            return "time ran out" if deadline.has_passed() else TOO_HARD, chosen
         return _describe_unjoined(barred) if barred else "", chosen
 
     def _list_barred(self, best: _Best) -> list[list[Candidate]]:
