@@ -101,3 +101,13 @@ def test_a_cut_aslant_that_ends_in_the_air_on_both_sides_has_no_depth():
     bar = Primitive("box", (60.0, 20.0, 10.0))
     hole = Primitive("cylinder", (2.0, 33.3), (0.0, 0.0, 0.0), (0.0, 30.0, 0.0))
     assert 33.3 not in _read(Combine("difference", bar, hole)).values.values()
+
+
+def test_a_tab_at_the_rim_of_a_flange_stays_there():
+    """It is wider than it is sunk in, so that its foot is seen in part."""
+    flange = _turned((90, 0), (100, 0), (100, 4), (94, 4), (94, 40), (90, 40))
+    part = _read(Combine("union", flange, Primitive("box", (20.02, 24.0, 2.0), (109.9, 0.0, 2.0))))
+    for name, edited in _tenths(part):
+        ring, tab = leaves(edited.program)
+        radius = max(x for x, _, _ in ring.outline.loops[0])
+        assert tab.center[0] - tab.size[0] / 2 == pytest.approx(radius - 0.11), name

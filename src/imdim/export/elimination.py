@@ -123,12 +123,14 @@ class LinearSystem:
                 system._add_seat(own.leaf, row, word)
                 seated.add((own.leaf, own.axis, own.side))
         cut_off = find_hidden_ends(whole, turned=True)
-        for own, row in (*seats_at_clips(system, program, cut_off), *seats_at_rounds(system, program, cut_off)):
-            if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
-                # where the other end is seen that says where the leaf is, and this one how large
-                of = system.ties if (own.leaf, own.axis, -own.side) in cut_off or parts[own.leaf].kind == "cone" else system.reaches
-                of.append((own.leaf, row))
-                seated.add((own.leaf, own.axis, own.side))
+        clipped = ((own, row, False) for own, row in seats_at_clips(system, program, cut_off))
+        for own, row, moves in (*clipped, *seats_at_rounds(system, program, cut_off)):
+            if (own.leaf, own.axis, own.side) in seated or Ref(own.leaf, own.local) in flush:
+                continue
+            # where the other end is seen that says where the leaf is, and this one how large
+            moves = moves or (own.leaf, own.axis, -own.side) in cut_off or parts[own.leaf].kind == "cone"
+            (system.ties if moves else system.reaches).append((sources[own.leaf], row))
+            seated.add((own.leaf, own.axis, own.side))
         for own, other in find_stacked(program, sources):
             if (own.leaf, own.axis, own.side) not in seated:
                 system.ties.append((own.leaf, sum_rows((system.place_of_end(own), 1.0), (system.place_of_end(other), -1.0))))
