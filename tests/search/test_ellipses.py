@@ -8,10 +8,11 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from imdim.detection.fit_elliptic import fit_conic, turn_elliptic
+from imdim.detection.fit_elliptic import turn_elliptic
 from imdim.detection.fit_surface import fit_surface
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.detection.regularise import regularise
+from imdim.geometry.conic import fit_conic
 from imdim.geometry.kernels import program_sdf
 from imdim.geometry.solid import to_manifold, to_trimesh, volume_iou
 from imdim.geometry.surface import Patch, Surface, make_elliptic, normals, signed_distance, unit, vec

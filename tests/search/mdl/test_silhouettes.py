@@ -7,6 +7,10 @@ from tests.planted import box, cone, cut, cylinder, union
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Outline, ellipse
+from imdim.program.tree import Primitive
 from imdim.search.mdl.curve_ransac import best_curve, circles, crowding, find_filled_stretch, fit_circle, fit_line
 from imdim.search.mdl.silhouettes import outlines
 
@@ -79,3 +83,13 @@ def test_a_line_is_fitted_and_ends_where_it_is_no_longer_filled():
 
 def test_without_time_nothing_is_looked_for():
     assert outlines(cloud(box(44, 32, 6), 500), np.eye(3), SIGMA, deadline=PASSED) == []
+
+
+def test_a_thin_elliptic_tube_is_drawn_from_end_to_end():
+    """Its ends have too few points to be seen as faces, and its section is two ellipses."""
+    ring = Outline((ellipse(16.0, 12.0), ellipse(14.5, 10.5)))
+    tube = Primitive("extrude", (80.0,), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), ring)
+    found = [p for p in outlines(cloud(tube), np.eye(3), SIGMA, drawn=True) if p.outline and len(p.outline.loops) == 2]
+    assert found
+    assert volume_iou(to_manifold(found[0]), to_manifold(tube)) > 0.8
+    assert all(isinstance(loop, Ellipse) for loop in found[0].outline.loops)

@@ -16,6 +16,10 @@ import numpy as np
 from numba import njit
 from scipy.spatial import KDTree
 
+from imdim.geometry import kernels
+from imdim.geometry.conic import fit_conic
+from imdim.geometry.lowering import Outlines
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Outline, Vertex, check_crossings, circle, loop_area
 
 PLACES = 260  # along a border, at most
@@ -31,6 +35,8 @@ SLANTED = 12.0  # times half the logarithm of the number of points: what a slant
 ALIKE = 0.12  # sine of the angle below which two lines do not cross where they meet
 ASTRAY = 10.0  # deviations of the noise that a corner may lie off the border
 LEAST = 3.0  # deviations of the noise, the side of the smallest loop
+FEWEST_ARCS = 4  # curves that an ellipse may take the place of
+CONIC = 5  # numbers of an ellipse
 SMOOTHED = 2  # corners of a border to either side
 
 
@@ -98,7 +104,32 @@ def _fit_loop(border: np.ndarray, reach: float, points: np.ndarray, sigma: float
             if last - first > 1:
                 vertices += _fit_chain(places[first:last], sums[first:last], sigma, price, most_turn)
     vertices = _drop_short(vertices)
-    return tuple(vertices) if len(vertices) > 2 or (len(vertices) == 2 and any(b for _, _, b in vertices)) else None
+    loop = tuple(vertices) if len(vertices) > 2 or (len(vertices) == 2 and any(b for _, _, b in vertices)) else None
+    if loop is None or on_axis.any() or len(loop) < FEWEST_ARCS:
+        return loop
+    ellipse = _ellipse_through(places, points[own < len(places)], sigma)
+    return min(loop, ellipse, key=lambda drawn: _cost(drawn, points[own < len(places)], sigma, price)) if ellipse else loop
+
+
+def _ellipse_through(places: np.ndarray, points: np.ndarray, sigma: float) -> Ellipse | None:
+    """The ellipse through the `points` [n, 2] beside the `places` [m, 2] of a border; None where they lie on no ellipse at all."""
+    for some in (places, points):
+        conic = fit_conic(some) if len(some) > CONIC else None
+        if conic is None:
+            return None
+        (x, y), axes, (rx, ry) = conic
+        angle = math.degrees(math.atan2(axes[1, 0], axes[0, 0]))
+        ellipse = Ellipse(float(rx), float(ry), float(x), float(y), angle).plain
+        if not LEAST * sigma / 2 < min(rx, ry) <= max(rx, ry) < 10 * float(np.ptp(places, axis=0).max()):
+            return None
+    return ellipse
+
+
+def _cost(loop: Loop, points: np.ndarray, sigma: float, price: float) -> float:
+    """What a loop leaves of the squared distances of `points` [n, 2], and what its numbers cost."""
+    off = kernels.outline_sdf(Outlines.pack([Outline((loop,))]).curves, points)
+    count = CONIC if isinstance(loop, Ellipse) else sum(2 + (bulge != 0) for _, _, bulge in loop)
+    return float((off**2).sum()) / (2 * sigma**2) + price * count
 
 
 def _space_out(border: np.ndarray, sigma: float) -> np.ndarray:

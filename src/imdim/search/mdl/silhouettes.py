@@ -40,6 +40,7 @@ MOST_CURVES = 32  # of a shadow, straight ones included
 TRIALS = 3000
 GLIMPSE = 2.5  # standard errors below which nothing is left to be fitted
 SAGITTA = 4.0  # deviations of the noise by which an arc must leave its chord, and a slant both its axes
+APART = 4.0  # deviations of the noise by which ends lie off the levels that are seen
 SECTORS = 36
 SCORED = 4000  # points that judge hypotheses
 SAME = 0.5  # overlap of two flat faces that may be those of one box
@@ -97,7 +98,7 @@ def outlines(
             out += [] if deadline.has_passed() else _profile(view, center, rng)
         if drawn and not deadline.has_passed():
             out += trace_turned_outlines(points, axes, k, centers, sigma)
-            out += trace_extruded_outlines(points, axes, k, _levels(local[:, k], sigma), sigma, deadline)
+            out += trace_extruded_outlines(points, axes, k, _with_ends(_levels(local[:, k], sigma), local[:, k], sigma), sigma, deadline)
     return out
 
 
@@ -218,6 +219,12 @@ def _boxes(view: _View) -> list[Primitive]:
             size[list(view.across)], size[view.k] = high - low, top - bottom
             out.append(view.place("box", size, view.middle((low + high) / 2, (bottom + top) / 2)))
     return out
+
+
+def _with_ends(levels: list[float], height: np.ndarray, sigma: float) -> list[float]:
+    """The levels and where the points end: of a long tube the ends have few points."""
+    ends = (float(end) for end in np.quantile(height, OUTERMOST))
+    return sorted([*levels, *(end for end in ends if all(abs(end - level) > APART * sigma for level in levels))])
 
 
 def _levels(height: np.ndarray, sigma: float) -> list[float]:
