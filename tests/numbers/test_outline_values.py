@@ -187,3 +187,10 @@ def test_a_loop_that_is_nearly_regular_is_left_as_it_is():
     ring = tuple((1.01 * x, y, b) for x, y, b in RegularPolygon(6, 10.0, (0.0, 0.0), 0.0).ring())
     (loop,) = snap_outline(Outline((ring,)), 0.02).loops
     assert max(x for x, _, _ in loop) == pytest.approx(10.1, abs=1e-3)
+
+
+def test_an_arc_that_would_cross_the_axis_with_round_numbers_keeps_its_own():
+    corners = ((4.8558979, -11.7899476, 0.0), (20.3487769, -11.7799476, 0.0), (20.1, 11.7899476, 0.0), (4.8544009, 11.8677426, 0.3971844))
+    near = Primitive("revolve", (360.0,), (0.0, 0.0, -4.1908552), (0.0, 0.0, 0.0), Outline((corners,)))
+    assert near.outline.bounds[0][0] == pytest.approx(0.16, abs=0.01)
+    assert snap_leaf(near, 1.0) == near

@@ -158,7 +158,8 @@ def redraw_leaf(leaf: Primitive, grids: Callable[[Outline], OutlineGrids], stays
     offset = (x, y) if across else (0.0, z)
     placed = leaf.outline.shift(*offset)
     snapped = _redraw(leaf.outline, placed, offset, grids(placed))
-    if snapped is leaf.outline:
+    # an arc that comes near the axis that a part is turned about may cross it with round numbers
+    if snapped is leaf.outline or (leaf.kind == "revolve" and snapped.bounds[0][0] < 0):
         return leaf
     if stays:
         return replace(leaf, outline=snapped)
