@@ -6,6 +6,7 @@ from tests.planted import PARTS, box, cut, cylinder, union
 
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.shadows import Shadows
+from imdim.geometry.solid import to_manifold
 from imdim.numbers.likelihood import NEIGHBOURS, WIDE, Noise, SurfaceSamples, expectation_step
 
 RING = cut(cylinder(20, 6), cylinder(15, 30))
@@ -33,6 +34,17 @@ def test_it_is_the_density_of_the_mixture():
     assert found.mass == pytest.approx(answer.sum(0), rel=1e-9)
     assert found.offset == pytest.approx((answer * along).sum(0) / answer.sum(0), rel=1e-6, abs=1e-9)
     assert found.noise.clutter == pytest.approx(1 - answer.sum() / len(points), abs=1e-9)
+
+
+def test_faces_that_lie_in_one_are_one_surface():
+    """Ribs of their plate's length that end in its faces: sampled once for each part, flush walls would bear twice the points."""
+    flush = union(box(40, 30, 4), union(box(40, 4, 20, (0.0, -13.0, 8.0)), box(40, 4, 20, (0.0, 13.0, 8.0))))
+    exact = to_manifold(flush).surface_area()
+    assert SurfaceSamples.of(flush, 0.5).area == pytest.approx(exact, rel=0.01)
+    apart = union(box(40, 30, 4), union(box(40.1, 4, 20, (0.0, -13.0, 8.05)), box(39.9, 4, 20, (0.0, 13.0, 8.05))))
+    points = cloud(flush, sigma=0.5)
+    of_flush, of_apart = (expectation_step(points, SurfaceSamples.of(p, 0.5), Noise(0.5)).nll for p in (flush, apart))
+    assert of_flush < of_apart + 1e-3
 
 
 def test_noise_has_a_floor():

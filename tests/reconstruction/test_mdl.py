@@ -107,11 +107,31 @@ def test_searches_start_from_one_part_of_each_kind_and_from_a_program_and_the_sh
     starts = []
     monkeypatch.setattr(mdl, "shorten", lambda likely, *_: starts.append(likely.program) or iter(()))
     found = told([truth], cloud(truth), NEVER)
-    assert [count(p).primitives for p in starts] == [1, 3, 3]  # the last time with what the others found
+    assert [count(p).primitives for p in starts[:3]] == [1, 3, 3]  # the last time with what the others found
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
     starts.clear()
     told([truth], cloud(truth), NEVER, drawn=True)
-    assert [p.kind for p in starts if count(p).primitives == 1][1:] == ["revolve", "extrude"]
+    assert [p.kind for p in starts if count(p).primitives == 1][1:3] == ["revolve", "extrude"]
+
+
+def test_what_two_wrong_parts_explain_together_is_taken_out_and_looked_for_anew(monkeypatch):
+    """A search that adds one part to one finds the rib, and nothing where two posts stand for its ends."""
+    plate, rib = box(60, 40, 4), box(60, 4, 18, (0.0, 8.0, 7.0))
+    truth, wrong = union(plate, rib), union(union(plate, box(20, 6, 18, (-20.0, 8.0, 7.0))), box(20, 6, 18, (20.0, 8.0, 7.0)))
+    noisy = mdl._NoisyCloud.of(cloud(truth, 0.004, n=3000), 0.29, np.eye(3), drawn=False)
+    start, best = (mdl._fit(program, noisy.quick, noisy._noise, NEVER) for program in (wrong, truth))
+    begun = []
+
+    def add_a_rib(likely, *_):
+        begun.append(likely.program)
+        return iter([(best, noisy._length(best))] if count(likely.program).primitives == 1 else [])
+
+    monkeypatch.setattr(mdl, "shorten", add_a_rib)
+    assert noisy._length(best) < noisy._length(start) - 0.05
+    assert noisy._rebuild(start, [], NEVER) is best
+    assert all(count(program).primitives < 3 for program in begun)
+    assert len(begun) == len({*begun}) <= mdl.MOST_REBUILT
+    assert noisy._rebuild(start, [], PASSED) is start
 
 
 def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls_behind_is_given_up():

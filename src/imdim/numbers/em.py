@@ -48,12 +48,14 @@ class EMConfig:
 
 @dataclass(frozen=True)
 class FittedProgram:
-    """A fitted program, the noise that explains the points beside it, and their mean negative log-density."""
+    """A fitted program, the noise that explains the points beside it, their mean negative log-density, and the share of its surface whose
+    wall is a `skin`."""
 
     program: Program
     noise: Noise
     nll: float
     rounds: int
+    skin: float = 0.0
 
 
 def maximise_likelihood(
@@ -70,13 +72,14 @@ def maximise_likelihood(
     start = lower(program)
     numbers = replace(start, rotations=align_rotations(start, config.parallel_deg))
     member = frames(numbers, config.parallel_deg)[0]
-    best = FittedProgram(program, noise, np.inf, 0)
+    best, seen = FittedProgram(program, noise, np.inf, 0), None
     for done in range(config.rounds):
         trial = lift_numbers(program, start, numbers)
-        shown = SurfaceSamples.of(trial, noise.sigma, config.samples, noise.shadows)
+        shown = SurfaceSamples.of(trial, noise.sigma, config.samples, noise.shadows, seen)
+        seen = shown.seen
         share = expectation_step(points, shown, noise)
         if share.nll < best.nll:
-            best = FittedProgram(trial, noise, share.nll, done)
+            best = FittedProgram(trial, noise, share.nll, done, shown.skin)
         # a step knows nothing of the area: an end that no point holds may drift out of the cloud
         if not len(shown.points) or share.nll > best.nll + config.worse:
             break
@@ -116,10 +119,11 @@ def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise, sampl
     """The program with the noise that explains the points beside it, `noise` or later ones: under a first guess that is too small two
     sheets are likelier than the one surface that they blur into."""
     for _ in range(NOISE_ROUNDS):
-        share = expectation_step(points, SurfaceSamples.of(likely.program, noise.sigma, samples, noise.shadows), noise)
+        shown = SurfaceSamples.of(likely.program, noise.sigma, samples, noise.shadows)
+        share = expectation_step(points, shown, noise)
         if share.nll >= likely.nll:
             break
-        likely, noise = replace(likely, noise=noise, nll=share.nll), share.noise
+        likely, noise = replace(likely, noise=noise, nll=share.nll, skin=shown.skin), share.noise
     return likely
 
 

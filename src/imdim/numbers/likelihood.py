@@ -46,30 +46,35 @@ class Noise:
 
 @dataclass(frozen=True)
 class SurfaceSamples:
-    """Samples of a program's surface, of what can be seen of it: `points`, outward `normals` [m, 3], its `area`, and the share of it whose
-    wall is a `skin`."""
+    """Samples of a program's surface, of what can be seen of it: `points`, outward `normals` [m, 3], its `area`, the share of it whose wall
+    is a `skin`, and the share of the leaves' surfaces that is `seen`."""
 
     points: np.ndarray
     normals: np.ndarray
     area: float
     skin: float
+    seen: float = 1.0
 
     @staticmethod
-    def of(program: Program, sigma: float, most: int = MOST_SAMPLES, shadows: Shadows | None = None) -> SurfaceSamples:
+    def of(
+        program: Program, sigma: float, most: int = MOST_SAMPLES, shadows: Shadows | None = None, seen: float | None = None
+    ) -> SurfaceSamples:
         """About one sample per square of APART * `sigma`, at most `most` that show, spread evenly: chance would make a density of lumps,
         which is less likely than an even one, and less so where two sheets lie in one, so that thin walls would vanish. None is in the
-        `shadows`."""
+        `shadows`. Some are drawn before to tell the share of the surface that is `seen`, unless that of a program much like it is known.
+        """
         parts, lowered = list(leaves(program)), lower(program)
         areas = np.array([surface_area(p.kind, p.size, p.outline) for p in parts])
-        visible = len(_visible(lowered, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
+        visible = len(_visible(lowered, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN if seen is None else seen
         # every other sample of an even set is not even: their number has to be right at once
         wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(most / max(visible, 1e-3), most / MOST_SAMPLES * MOST_DRAWN))
         points, normals = _visible(lowered, parts, _counts(areas, wanted), GAP * sigma)
+        visible = len(points) / float(wanted)
         if shadows is not None:
             points, normals = shadows.leave(points, normals)
         area = len(points) / wanted * float(areas.sum())
         thin = ~kernels.inside(lowered, points - GAP * sigma * normals)
-        return SurfaceSamples(points, normals, area, float(thin.mean()) if len(thin) else 0.0)
+        return SurfaceSamples(points, normals, area, float(thin.mean()) if len(thin) else 0.0, visible)
 
     @property
     def spacing(self) -> float:

@@ -98,7 +98,7 @@ MEANINGS: Mapping[str, str] = {
     "logdir": "where method=evolve writes tensorboard's event files; empty: nowhere",
     "checkpoint": "the policy, a file; empty: the shipped one; none: no policy",
     "stump_checkpoint": "the network of method=stump-net, a file; empty: the shipped one; none: random starts",
-    "evolution": "false leaves out the evolution after the search (for ablations)",
+    "evolution": "false leaves out the evolution after the search, and of a noisy cloud the parts that are looked for anew (for ablations)",
     "synthesis": "false puts the decision tree in place of the search and its proofs (for ablations)",
     "solver": "false leaves out what fits, relates and rounds numbers (for ablations)",
 }

@@ -28,7 +28,7 @@ from imdim.reconstruction.observation import Observation, UnitBody
 from imdim.reconstruction.policy_beam import beam_programs, has_time_for_beam, next_parts, proposals
 from imdim.relations.discover import discover
 from imdim.search.mdl.candidates.shell_slot import compounds
-from imdim.search.mdl.description_length import description_length
+from imdim.search.mdl.description_length import length_of
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 from imdim.search.mdl.search import REFIT, best_by_mdl, shorten, tables_of_subsample
@@ -46,6 +46,11 @@ MOST_ASKED = 6  # times that a policy is asked for more
 MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
 SCANNED = 1000  # points of a scanned mesh
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
+FIRST_SHARE = 0.4  # of the time, for searches that begin with little
+REBUILT, MOST_REBUILT = 8, 60  # times in a row that leaves are taken out in vain, and times at all
+MOST_TAKEN = 3  # leaves at once
+ASTRAY = (2.0, 8.0)  # deviations of the noise between which a point is explained badly and no stray
+DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
@@ -107,24 +112,26 @@ def most_likely(
     fit_by: Deadline = NEVER,
     drawn: bool = False,
     policy: Policy | None = None,
+    anew: bool = True,
 ) -> NoisyFit:
     """The program that tells a noisy cloud in the shortest description, with the relations that the points support.
 
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives. Outlines are among
-    them if they may be `drawn`. While time is left a `policy` is asked what it would add to the shortest. The search ends at `choose_by`,
+    them if they may be `drawn`. While time is left a `policy` is asked what it would add to the shortest, and leaves of it
+    are looked for `anew`. The search ends at `choose_by`,
     and the numbers of its program are fitted until `fit_by` (by default to the end).
     """
     shared = find_shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
     points, scanners = seen.target.points, seen.target.scanners
     cloud = _NoisyCloud.of(points, seen.noise.sigma, shared, drawn=drawn, scanners=scanners)
-    return replace(cloud, policy=policy).find_shortest(programs, choose_by, fit_by)
+    return replace(cloud, policy=policy, anew=anew).find_shortest(programs, choose_by, fit_by)
 
 
 @dataclass(frozen=True)
 class _NoisyCloud:
     """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]; outlines if `drawn`. What moves
     the surface by no more than `trifle`, the deviation of real things in a scan, is no feature. The `shadows` are those of known
-    scanners. The `policy`, if any, is asked for more parts."""
+    scanners. The `policy`, if any, is asked for more parts, and in the end leaves are looked for `anew`."""
 
     points: np.ndarray
     sigma: float
@@ -133,6 +140,7 @@ class _NoisyCloud:
     trifle: float = 0.0
     shadows: Shadows | None = None
     policy: Policy | None = None
+    anew: bool = True
 
     @staticmethod
     def of(
@@ -212,9 +220,32 @@ class _NoisyCloud:
         told = [*candidates, *dict.fromkeys(leaf for p in written for leaf in leaves(p))]
         likeliest = best_by_mdl([*dict.fromkeys(written)], self._draws, self._noise, LINEAGES) if written else []
         starts.extend((self._first([p], deadline), told) for p in likeliest)
-        best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, deadline)) for s, offered in starts])
+        first = deadline.ahead(FIRST_SHARE * deadline.left())
+        best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, first)) for s, offered in starts])
         offered = [*candidates, *(leaf for other in others for leaf in leaves(other.program))]
-        return self._ask(deque([best, *(found for found, _ in self._shorten(best, offered, deadline))], maxlen=1).pop(), deadline)
+        best = self._ask(deque([best, *(found for found, _ in self._shorten(best, offered, deadline))], maxlen=1).pop(), deadline)
+        return self._rebuild(best, offered, deadline) if self.anew else best
+
+    def _rebuild(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The best with what becomes of it where some of its leaves, neighbours of one another, are taken out and looked for anew (large
+        neighbourhood search, Shaw 1998): what two wrong parts explain together no single change undoes."""
+        rng = np.random.default_rng(0)
+        length, taken, failed = self._length(best), set[Program](), 0
+        for _ in range(MOST_REBUILT):
+            less = _without_neighbours(best.program, self.quick, best.noise.sigma, rng)
+            if failed == REBUILT or deadline.has_passed():
+                break
+            if less is None or less in taken:
+                continue
+            taken.add(less)
+            start = maximise_likelihood(less, self.quick, best.noise, REFIT, deadline)
+            lineage = _Lineage(start, self._length(start), self._shorten(start, [*offered, *leaves(best.program)], deadline))
+            while lineage.advance() and lineage.promised < length:
+                pass
+            failed += 1
+            if lineage.length < length - SAME:
+                best, length, failed = lineage.best, lineage.length, 0
+        return best
 
     def _ask(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
         """The best with what the policy would add to it, again and again until that is nothing of worth."""
@@ -255,7 +286,7 @@ class _NoisyCloud:
         return start if deadline.has_passed() else _fit(start.program, self.quick, start.noise, deadline, BEGUN)
 
     def _length(self, likely: FittedProgram) -> float:
-        return description_length(likely.program, self.quick, likely.noise, likely.nll, self._count)
+        return length_of(likely, self._count)
 
 
 @dataclass
@@ -281,6 +312,18 @@ def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline,
     """The numbers that make the points most likely, with ends let through what they only just meet, unless that hides what they show."""
     through, as_drawn = (maximise_likelihood(program, points, noise, c, deadline) for c in (config, replace(config, through=0.0)))
     return through if through.nll < as_drawn.nll + SAME else as_drawn
+
+
+def _without_neighbours(program: Program, points: np.ndarray, sigma: float, rng: np.random.Generator) -> Program | None:
+    """The program without one to MOST_TAKEN of its leaves, the nearest to one of the `points` [n, 3], more likely to one that lies off the
+    surface by more than the noise and is no stray; None where nothing is left."""
+    paths = [path for path, _ in leaf_paths(program)]
+    off = np.abs(kernels.program_sdf(program, points)) / sigma
+    chance = np.where((off > ASTRAY[0]) & (off < ASTRAY[1]), DOUBTED, 1.0)
+    place = points[rng.choice(len(points), p=chance / chance.sum())][None]
+    away = [abs(float(kernels.program_sdf(leaf, place)[0])) for leaf in leaves(program)]
+    count = int(rng.integers(1, MOST_TAKEN + 1))
+    return without(program, [paths[i] for i in np.argsort(away, kind="stable")[:count]])
 
 
 def without_trifles(program: Program, reach: float, deadline: Deadline = NEVER) -> Program:

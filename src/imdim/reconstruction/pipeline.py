@@ -423,7 +423,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
     yield last
     if settings.solver:
         solve_by = budget.part_of("likely", share) if seen.noisy else fit_by
-        fitted, found = _solve(simple, seen, choose_by, solve_by, settings.language == "cad", work.policy)
+        fitted, found = _solve(simple, seen, choose_by, solve_by, settings, work.policy)
         if work.alone and found is None and not fit_by.has_passed():
             frame = settle_origin(frame.undo(fitted.program), seen, frame)
         last = _state(fitted, seen, frame)
@@ -530,15 +530,16 @@ def _state(step: MethodStep, seen: Observation, frame: Frame) -> _BodyState:
 
 
 def _solve(
-    step: MethodStep, seen: Observation, choose_by: Deadline, fit_by: Deadline, drawn: bool, policy: PolicyOf
+    step: MethodStep, seen: Observation, choose_by: Deadline, fit_by: Deadline, settings: Settings, policy: PolicyOf
 ) -> tuple[MethodStep, tuple[Constraint, ...] | None]:
     """The step with fitted numbers; of a noisy cloud with a program of other primitives perhaps, which no proof is of, and with the
     relations that its points support."""
     if not seen.noisy:
         return replace(step, stage="solve", program=fit_numbers(step.program, seen, fit_by)), None
+    drawn = settings.language == "cad"
     # torch takes seconds to load
     asked = has_time_for_beam(choose_by)
-    likely = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn, policy() if asked else None)
+    likely = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn, policy() if asked else None, settings.evolution)
     return replace(step, stage="solve", program=likely.program, proof="").cut_if(likely.cut or not asked), likely.constraints
 
 

@@ -56,6 +56,23 @@ def test_a_round_that_time_cuts_before_its_last_stage_changes_nothing(times, rea
     assert found(73, [Stage(as_it_is, 3), Stage(as_it_is, 2)], times=times)[0] == reached
 
 
+def test_of_states_that_are_alike_the_next_stage_fits_the_best():
+    fitted = []
+    stages = [Stage(as_it_is, 4), Stage(lambda n: fitted.append(n) or [n], 2)]
+    steps = improvements(
+        (0, 9.0),
+        lambda n: [4, 5, 1, 2],
+        stages,
+        lambda ns: [9.0 - n for n in ns],
+        lambda *_: 0.0,
+        1,
+        NEVER,
+        alike=lambda a, b: abs(a - b) < 2,
+    )
+    assert next(steps) == (5, 4.0)
+    assert fitted == [5, 2]
+
+
 def test_nothing_proposed_leaves_the_start():
     given = search_locally((1, 1.0), lambda _: [], [Stage(as_it_is, 1)], lambda _: [], lambda *_: 0.0, 9, NEVER)
     assert given == (1, 1.0)
@@ -115,3 +132,8 @@ def test_choices_are_padded_behind_their_ends():
     assert index.tolist() == [[7, 8], [7, -1], [-1, -1]]
     assert united.tolist() == [[True, False], [True, False], [False, False]]
     assert pack_choices([])[1].shape == (0, 0)
+
+
+def test_a_new_term_takes_the_place_of_those_that_it_may_stand_instead_of():
+    steps = (Step("union", 0), Step("difference", 1))
+    assert [*uses(7, steps, {1})] == [c for c in uses(7, steps) if c != (Step("union", 7), steps[1])]

@@ -13,13 +13,13 @@ from imdim.numbers.em import FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise
 from imdim.program.cost import count
 from imdim.program.sequence import Step, map_terms, to_program, to_sequence
-from imdim.program.tree import leaves
+from imdim.program.tree import Primitive, leaves
 from imdim.search.mdl import part_tables
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
-from imdim.search.mdl.description_length import SKIN, description_length
+from imdim.search.mdl.description_length import SKIN, description_length, length_of, numbers
 from imdim.search.mdl.local_search import own_moves, uses
 from imdim.search.mdl.part_tables import PartTableCache
-from imdim.search.mdl.search import _in_place_of, _shortest, best_by_mdl, shorten
+from imdim.search.mdl.search import _few_of_each, _in_place_of, _shortest, best_by_mdl, shorten
 from imdim.search.mdl.silhouettes import outlines
 
 PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
@@ -70,8 +70,7 @@ def slow_length(mixture, choice):
         np.add.at(total, drawn.lent, drawn.density * visible[owner])
     lattice = 1.5 * np.log(2 * np.pi) + np.log(tables.sigma) + 2 * np.log(tables.wide)
     density = (1 - scene.clutter) * total / max(shown, 1) / np.exp(lattice) + scene.clutter / scene.box
-    own = sum(mixture.own[i] for _, i in choice)
-    length = -np.log(density).mean() + 0.5 * own * np.log(scene.count) / scene.count + SKIN * thin / max(shown, 1)
+    length = -np.log(density).mean() + 0.5 * numbers(program) * np.log(scene.count) / scene.count + SKIN * thin / max(shown, 1)
     return length if shown else np.inf
 
 
@@ -83,6 +82,7 @@ def test_every_change_has_the_length_of_its_whole_sequence():
         box(6, 6, 8, (10.0, -9.0, 0.0)),
         sphere(4, (0.0, 0.0, 3.0)),
         cut(cylinder(8, 15, (5.3, 2.0, 8.2)), cylinder(6, 30, (5.0, 2.1, 8.0))),
+        cut(Primitive("box", (8.0, 9.0, 15.0), (5.3, 2.0, 8.2), (10.0, 20.0, 30.0)), cylinder(6, 30, (5.0, 2.1, 8.0))),
     ]
     mixture = BatchedLikelihood.of(scene_of(points), [p for _, p in steps], others)
     start = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
@@ -131,7 +131,7 @@ def test_the_tables_do_not_grow_for_ever(monkeypatch):
 
 def test_numbers_weigh_less_the_more_points_the_seen_ones_stand_for():
     points, block = cloud(box(20, 14, 9), 1000), box(20, 14, 9)
-    few, many = (description_length(block, points, Noise(0.4), 2.0, stand_for=n) for n in (None, 8000))
+    few, many = (length_of(FittedProgram(block, Noise(0.4), 2.0, 0), n) for n in (len(points), 8000))
     assert few - many == pytest.approx(4.5 * (np.log(1000) / 1000 - np.log(8000) / 8000))
 
 
@@ -143,8 +143,21 @@ def test_what_is_cut_away_wholly_is_infinitely_long():
 
 def test_orders_of_one_solid_are_looked_at_once():
     lengths = np.array([1.0, 3.0, 1.0, 0.5, np.inf, 0.5 + 1e-12, 1.2])  # of the start, then of its changes
-    assert _shortest(lengths, 9).tolist() == [3, 6, 1, 4]
-    assert _shortest(lengths, 2).tolist() == [3, 6]
+    assert _shortest(lengths).tolist() == [3, 6, 1, 4]
+
+
+def test_no_new_part_takes_all_the_places_of_a_round():
+    used = [(Step("union", 0), Step(op, term)) for op, term in (("union", 2), ("difference", 2), ("difference", 3))]
+    beside = (Step("difference", 2), Step("union", 0))
+    turned = [(Step("union", 0), Step("difference", 1)), (Step("union", 1), Step("difference", 0)), (Step("union", 1),)]
+    assert [*_few_of_each([used[0], turned[0], used[1], beside, turned[1], used[2], turned[2]], 2)] == [
+        used[0],
+        turned[0],
+        used[1],
+        turned[1],
+        used[2],
+        turned[2],
+    ]
 
 
 def test_what_noise_explains_is_dropped_and_what_it_does_not_stays():
@@ -235,3 +248,13 @@ def test_what_several_changes_win_is_won_in_one_round():
     lent = [cylinder(4, 20, (x, y, 0.0)) for x, y in ((-20.0, 8.0), (20.0, -8.0))]
     first, _ = next(shorten(maximise_likelihood(box(60, 40, 8), points, Noise(0.4)), points, lent, np.eye(3), NEVER))
     assert not inside(first.program, np.array([(-20.0, 8.0, 0.0), (20.0, -8.0, 0.0)])).any()
+
+
+def test_directions_that_parts_share_are_numbers_of_one():
+    """Fits turn parallel parts together, so that a second box of the same directions has no angles of its own."""
+    straight, along, leaning = (Primitive("box", (4.0, 5.0, 6.0), (9.0, 0.0, 0.0), turn) for turn in ((0, 0, 0), (0, 90, 1), (0, 0, 30)))
+    assert numbers(straight) == numbers(leaning) == 9
+    assert numbers(union(straight, along)) == 15
+    assert numbers(union(straight, leaning)) == 18
+    assert numbers(union(straight, cylinder(1, 2), cylinder(1, 2, (5.0, 0.0, 0.0)))) == 19
+    assert numbers(union(cylinder(1, 2), cylinder(1, 2, (5.0, 0.0, 0.0)))) == 12

@@ -17,7 +17,7 @@ from numba import njit
 from imdim.geometry import kernels
 from imdim.numbers.likelihood import Noise
 from imdim.program.tree import Program
-from imdim.search.mdl.description_length import SKIN, numbers
+from imdim.search.mdl.description_length import SKIN, count_each
 from imdim.search.mdl.local_search import Choice, pack_choices
 from imdim.search.mdl.part_tables import PartSamples, PartTableCache, in_batches
 
@@ -39,9 +39,9 @@ class PointScene:
 
 @dataclass(frozen=True)
 class BatchedLikelihood:
-    """Tables over `parts` (p) for the points of a scene: samples of part i are `starts[i]` to `starts[i + 1]`, `own` [p] is how many
-    numbers a part has. Only the first parts, the settled ones, may stand together, in their order, but for one of them; of the others a
-    choice has one at most.
+    """Tables over `parts` (p) for the points of a scene: samples of part i are `starts[i]` to `starts[i + 1]`, `own` [p] and `ways`
+    [p, f + 1] are how many numbers a part has (`count_each`). Only the first parts, the settled ones, may stand together, in their order,
+    but for one of them; of the others a choice has one at most.
 
     Which of the settled parts hold the places just behind and ahead of a sample, and those a gap away, is in `held` int64 [s, 4], the last
     part in the lowest bit; whether others hold those of the settled parts' samples is in the lowest bits of `over` uint8 [others, s of the
@@ -60,6 +60,17 @@ class BatchedLikelihood:
     lent: np.ndarray
     density: np.ndarray
     own: np.ndarray
+    ways: np.ndarray
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Low and high corners [p, 3] of the parts, by their samples; those of a part without any are infinite, the low one above."""
+        drawn = [d.points for d in self.scene.drawn.parts(self.parts)]
+        low, high = np.full((len(drawn), 3), np.inf), np.full((len(drawn), 3), -np.inf)
+        there = [i for i, points in enumerate(drawn) if len(points)]
+        points, firsts = np.concatenate([drawn[i] for i in there]), np.cumsum([0, *(len(drawn[i]) for i in there)])[:-1]
+        low[there], high[there] = np.minimum.reduceat(points, firsts), np.maximum.reduceat(points, firsts)
+        return low, high
 
     @staticmethod
     def of(scene: PointScene, settled: Sequence[Program], others: Sequence[Program]) -> BatchedLikelihood:
@@ -76,8 +87,8 @@ class BatchedLikelihood:
         counts = np.cumsum([0, *(len(d.lent) for d in drawn)])
         first = np.concatenate([*(d.first[:-1] + count for d, count in zip(drawn, counts, strict=False)), counts[-1:]])
         lent, density = (np.concatenate(c) for c in ([d.lent for d in drawn], [d.density for d in drawn]))
-        own = np.array([numbers(p) for p in parts])
-        return BatchedLikelihood(scene, parts, len(settled), starts, held, over, selves, first, lent, density, own)
+        own, ways = count_each(settled, others)
+        return BatchedLikelihood(scene, parts, len(settled), starts, held, over, selves, first, lent, density, own, ways)
 
     def lengths(self, choices: Sequence[Choice]) -> np.ndarray:
         """Description length of the points under each choice, in nats per point (see `description_length`); infinite where nothing is left.
@@ -86,14 +97,16 @@ class BatchedLikelihood:
         """
         scene, drawn, clutter = self.scene, self.scene.drawn, self.scene.clutter
         lattice = 1.5 * math.log(2 * math.pi) + math.log(drawn.sigma) + 2 * math.log(drawn.wide)
-        changes = _read_changes(*pack_choices(choices), self.settled)
+        packed = pack_choices(choices)
+        changes = _read_changes(*packed, self.settled)
         if (changes[:, 0] < -1).any():
             raise ValueError(f"{choices[int((changes[:, 0] < -1).argmax())]} is no change of {self.settled} parts in their order")
         arrays = self.starts, self.held, self.over, self.selves, self.first, self.lent, self.density
         scale = clutter / scene.box, math.log1p(-clutter) - lattice
         nll, skin = _lengths(changes, self.settled, *arrays, len(scene.points), *scale)
         n = scene.count
-        own = np.array([sum(self.own[i] for _, i in c) for c in choices])
+        # places behind the end of a choice have the index -1, and nothing
+        own = np.append(self.own, 0)[packed[1]].sum(1) + np.append(self.ways, 0 * self.ways[:1], axis=0)[packed[1]].max(1).sum(1)
         return nll + 0.5 * own * math.log(n) / n + SKIN * skin
 
 

@@ -7,42 +7,82 @@ for each number of the program (Schwarz 1978), and a surcharge for skins that th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from imdim.numbers.likelihood import MOST_SAMPLES, Noise, SurfaceSamples, expectation_step
+from imdim.geometry.lowering import lower, pack_all, split_params
+from imdim.numbers.em import FittedProgram
+from imdim.numbers.likelihood import Noise, SurfaceSamples, expectation_step
 from imdim.numbers.outline_coordinates import outline_coordinates
-from imdim.program.tree import FULL_TURN, SIZE_NAMES, Primitive, Program, leaves
+from imdim.numbers.shared_rotations import FULL, frames
+from imdim.program.tree import FULL_TURN, SIZE_NAMES, Primitive, Program, combine_all, leaves
 
-# numbers that say where a kind lies; of an outline its own say the rest
-PLACE = {"box": 6, "ellipsoid": 6, "sphere": 3, "cylinder": 5, "cone": 5, "torus": 5, "extrude": 3, "revolve": 4}
-SKIN_SAMPLES = 3000  # that tell how much of a surface is a skin
+# numbers that say where a kind lies, of an outline its own say the rest, and those that say which way it points
+PLACE = {"box": 3, "ellipsoid": 3, "sphere": 3, "cylinder": 3, "cone": 3, "torus": 3, "extrude": 1, "revolve": 2}
+WAY = {"box": 3, "ellipsoid": 3, "sphere": 0, "cylinder": 2, "cone": 2, "torus": 2, "extrude": 2, "revolve": 2}
+PARALLEL_DEG = 2.0  # between directions that fits take to be one
 SKIN = 0.1  # nats that a point on a skin thinner than the noise costs
 
 
-def description_length(
-    program: Program, points: np.ndarray, noise: Noise, fitted: float | None = None, stand_for: int | None = None
-) -> float:
-    """Nats per point of `points` [n, 3], which may stand for more: the more, the less a number weighs. `fitted` is the negative log-density
-    where it is known already."""
-    shown = SurfaceSamples.of(program, noise.sigma, MOST_SAMPLES if fitted is None else SKIN_SAMPLES, noise.shadows)
-    nll = expectation_step(points, shown, noise).nll if fitted is None else fitted
-    n = stand_for or len(points)
-    return nll + 0.5 * numbers(program) * math.log(n) / n + SKIN * shown.skin
+def description_length(program: Program, points: np.ndarray, noise: Noise) -> float:
+    """Nats per point of `points` [n, 3] for the program as it is."""
+    shown = SurfaceSamples.of(program, noise.sigma, shadows=noise.shadows)
+    return length_of(FittedProgram(program, noise, expectation_step(points, shown, noise).nll, 0, shown.skin), len(points))
+
+
+def length_of(likely: FittedProgram, count: int) -> float:
+    """The description length of `count` points by a program that was fitted to them: the more, the less a number weighs."""
+    return likely.nll + 0.5 * numbers(likely.program) * math.log(count) / count + SKIN * likely.skin
 
 
 def numbers(program: Program) -> int:
-    """How many numbers say where the primitives lie and how large they are; of an outline, what lies along an axis of its plane or on the
-    axis that it is turned about needs fewer."""
-    return sum(_numbers(leaf) for leaf in leaves(program))
+    """How many numbers say where the primitives lie and how large they are; those that say which way they point count once for all that
+    share directions, as fits turn them together. Of an outline what lies along an axis of its plane or on the axis that it is turned about
+    needs fewer."""
+    own = [*leaves(program)]
+    member, _ = frames(lower(program), PARALLEL_DEG)
+    ways: dict[int, int] = {}
+    for leaf, frame in zip(own, member.tolist(), strict=True):
+        ways[frame] = max(ways.get(frame, 0), direction_numbers(leaf))
+    return sum(map(count_own, own)) + sum(ways.values())
 
 
-def _numbers(leaf: Primitive) -> int:
+def count_own(leaf: Primitive) -> int:
+    """How many numbers a leaf has but for its directions."""
     if leaf.outline is None:
         return PLACE[leaf.kind] + len(SIZE_NAMES[leaf.kind])
     turned = leaf.kind == "revolve"
     whole = turned and leaf.size[0] == FULL_TURN
-    free = outline_coordinates(leaf.outline, turned).count
-    # the coordinates of an extrusion's vertices tell how it is turned about its axis, unless some of them are one
-    spun = not turned and free < sum(2 + (bulge != 0) for ring in leaf.outline.rings for _, _, bulge in ring)
-    return PLACE[leaf.kind] + (not whole) + spun + free
+    return PLACE[leaf.kind] + (not whole) + outline_coordinates(leaf.outline, turned).count
+
+
+def direction_numbers(leaf: Primitive) -> int:
+    """How many numbers say which way a leaf points. The coordinates of an extrusion's vertices tell how it is turned about its axis,
+    unless some of them are one."""
+    if leaf.outline is None or leaf.kind == "revolve":
+        return WAY[leaf.kind]
+    free = outline_coordinates(leaf.outline, turned=False).count
+    return WAY[leaf.kind] + (free < sum(2 + (bulge != 0) for ring in leaf.outline.rings for _, _, bulge in ring))
+
+
+def count_each(settled: Sequence[Program], others: Sequence[Program]) -> tuple[np.ndarray, np.ndarray]:
+    """How many numbers each of the `settled` parts and of the `others` has but for its directions, int64 [p], and how many it needs for
+    each direction that settled parts share and, in the last column, for those that are its own, int64 [p, f + 1]: of parts that stand
+    together the largest of a column counts."""
+    directions = frames(lower(combine_all("union", list(settled))), PARALLEL_DEG)[1] if settled else np.empty((0, 3, 3))
+    own = [[*leaves(part)] for part in (*settled, *others)]
+    every = [leaf for some in own for leaf in some]
+    alike = np.pad(_lie_along(every, directions), ((0, 0), (0, 1)), constant_values=True)
+    each, ways = np.array([count_own(leaf) for leaf in every], int), np.zeros(alike.shape, int)
+    ways[np.arange(len(every)), alike.argmax(1)] = [direction_numbers(leaf) for leaf in every]
+    firsts = np.cumsum([0, *map(len, own)])[:-1]
+    return np.add.reduceat(each, firsts), np.maximum.reduceat(ways, firsts)
+
+
+def _lie_along(parts: Sequence[Primitive], directions: np.ndarray) -> np.ndarray:
+    """Whether each of `parts` points along each of the `directions` [f, 3, 3], up to exchanged axes, bool [p, f]."""
+    kinds, params = pack_all(parts)
+    along = np.abs(np.einsum("pji,fjk->pfik", split_params(params)[2], directions)).max(3)
+    least = np.where(np.isin(kinds, FULL)[:, None], along.min(2), along[:, :, 2])
+    return least >= math.cos(math.radians(PARALLEL_DEG))

@@ -7,7 +7,7 @@ alone. A sequence then has the indices of parts as its terms: a choice.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Generic, NamedTuple, TypeVar
 
@@ -54,6 +54,7 @@ def improvements(
     rounds: int,
     deadline: Deadline,
     join: Callable[[S, S], S | None] | None = None,
+    alike: Callable[[S, S], bool] | None = None,
 ) -> Iterator[tuple[S, float]]:
     """States, each better than the one before, with their objectives, until nothing proposed improves; `start` has both.
 
@@ -61,6 +62,7 @@ def improvements(
     objective is lower than the best's by more than `worth(best, trial)` takes its place. Of a round that time cuts short in its last stage
     what is fitted by then may do so; one that is cut before changes nothing. What else improved the state before is tried on top:
     `join(best, trial)` gives the best with the trial's change too, None where there is no such state, and the last of the stages fits it.
+    Of states that a stage makes `alike` the next fits the best alone.
     """
     best, cost = start
     for _ in range(rounds):
@@ -69,6 +71,7 @@ def improvements(
         trials = [(trial, np.inf) for trial in propose(best)]
         for stage in stages[:-1]:
             trials = _rank([trial for trial, _ in trials], stage, objective, deadline)
+            trials = _leave_apart(trials, alike) if alike else trials
         trials = _rank([trial for trial, _ in trials], stages[-1], objective, deadline, some=True)
         better = [(trial, after) for trial, after in trials if after < cost - worth(best, trial)]
         if not better:
@@ -79,6 +82,15 @@ def improvements(
             both = _rank([joined], stages[-1], objective, deadline) if joined else []
             best, cost = next(((trial, after) for trial, after in both if after < cost - worth(best, trial)), (best, cost))
         yield best, cost
+
+
+def _leave_apart(trials: Sequence[tuple[S, float]], alike: Callable[[S, S], bool]) -> list[tuple[S, float]]:
+    """The trials that are like none of those before them that are left."""
+    left: list[tuple[S, float]] = []
+    for trial, cost in trials:
+        if not any(alike(other, trial) for other, _ in left):
+            left.append((trial, cost))
+    return left
 
 
 def _rank(trials: Sequence[S], stage: Stage[S], objective: Objective[S], deadline: Deadline, some: bool = False) -> list[tuple[S, float]]:
@@ -109,8 +121,9 @@ def own_moves(sequence: SignedSequence[T]) -> Iterator[SignedSequence[T]]:
                 yield moved
 
 
-def uses(term: T, sequence: SignedSequence[T]) -> Iterator[SignedSequence[T]]:
-    """Put a term that is not there yet in at the end or before the closing run of cuts, or in the place of another."""
+def uses(term: T, sequence: SignedSequence[T], instead: Collection[int] | None = None) -> Iterator[SignedSequence[T]]:
+    """Put a term that is not there yet in at the end or before the closing run of cuts, or in the place of another, by default of any, of
+    those steps that it may stand `instead` of."""
     if any(step.term == term for step in sequence):
         return
     closing = len(sequence)
@@ -120,7 +133,8 @@ def uses(term: T, sequence: SignedSequence[T]) -> Iterator[SignedSequence[T]]:
         for op in TURNED:
             yield (*sequence[:at], Step(op, term), *sequence[at:])
     for i, step in enumerate(sequence):
-        yield (*sequence[:i], Step(step.op, term), *sequence[i + 1 :])
+        if instead is None or i in instead:
+            yield (*sequence[:i], Step(step.op, term), *sequence[i + 1 :])
 
 
 def merge(ours: SignedSequence[T], theirs: SignedSequence[T], before: SignedSequence[T]) -> SignedSequence[T] | None:

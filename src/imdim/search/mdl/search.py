@@ -9,29 +9,33 @@ scored by one `batched_likelihood`; the numbers of the most promising are fitted
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from imdim.deadline import Deadline
 from imdim.geometry import kernels
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import subsample
 from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise
 from imdim.program.cost import count
 from imdim.program.paths import leaf_paths, without
+from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
-from imdim.program.tree import Combine, Primitive, Program, leaves, map_leaves
+from imdim.program.tree import Combine, Op, Primitive, Program, leaves, map_leaves
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.candidates.drawn import redraw
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
 from imdim.search.mdl.candidates.span import prolong, slots, span
-from imdim.search.mdl.description_length import description_length, numbers
+from imdim.search.mdl.description_length import length_of, numbers
 from imdim.search.mdl.local_search import Choice, Stage, improvements, merge, own_moves, uses
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
@@ -40,6 +44,10 @@ ROUNDS = 40
 SEEN = 2048  # points that changes are looked at with
 TRIED = 16  # changes whose numbers get a first step
 FEWER = 2  # each so-manieth point for that
+MEETING = 0.25  # of the smaller box
+STILL, FEW = 0.5, 0.1  # deviations of the noise, and share of its points, by which a part may change and suggest the same
+MOST_USES = 2  # of one new part among the changes
+TWIN = 3.0  # deviations of the noise by which parts hardly differ whose numbers had their first step
 REFITTED = 4  # of them, whose numbers are fitted
 LONGEST = 40  # steps of a sequence
 SLACK = 0.05  # nats per point that a change may cost before its numbers are fitted
@@ -80,12 +88,12 @@ def shorten(
         return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, _limit(trial.likely.noise, most), config, deadline))]
 
     def lengths(tried: Sequence[_Trial]) -> list[float]:
-        return [description_length(t.likely.program, points, t.likely.noise, t.likely.nll, stand_for) for t in tried]
+        return [length_of(t.likely, stand_for or len(points)) for t in tried]
 
     start = _Trial(likely, (), (), ())
     stages = Stage(fit(points[::FEWER], FIRST, told), TRIED), Stage(fit(points, REFIT), REFITTED)
     begin = start, lengths([start])[0]
-    for trial, length in improvements(begin, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join):
+    for trial, length in improvements(begin, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
         yield trial.likely, length
 
 
@@ -117,6 +125,18 @@ def _join(best: _Trial, other: _Trial) -> _Trial | None:
     return _Trial(replace(best.likely, program=program), choice, parts, best.before)
 
 
+def _are_alike(one: _Trial, other: _Trial) -> bool:
+    """Whether two changes of one sequence put in parts that hardly differ, to the same end."""
+    known = {step.term for step in one.before}
+    (mine, its) = ([(s.op, p) for s, p in zip(t.choice, t.parts, strict=True) if s.term not in known] for t in (one, other))
+    if len(mine) != 1 or len(its) != 1 or len(one.choice) != len(other.choice):
+        return False
+    (op, part), (did, twin) = mine[0], its[0]
+    if op != did or not isinstance(part, Primitive) or not isinstance(twin, Primitive):
+        return False
+    return _is_near(part, twin, TWIN * one.likely.noise.sigma)
+
+
 def _limit(noise: Noise, most: float) -> Noise:
     """The noise, of a deviation of `most` at most."""
     return replace(noise, sigma=min(noise.sigma, most))
@@ -139,6 +159,38 @@ def best_by_mdl(programs: Sequence[Program], draws: PartTableCache, noise: Noise
 
 
 @dataclass(frozen=True)
+class _Guesses:
+    """What was guessed from parts, with these, what they did and how many points they had: a part that hardly moved suggests the same, and
+    the tables know it."""
+
+    made: list[tuple[Primitive, Op, int, list[Program]]]
+
+    def recall(self, part: Primitive, op: Op, count: int, sigma: float) -> list[Program]:
+        """What was guessed from a part like this one, empty where there was none."""
+        alike = (
+            out for old, did, had, out in self.made if did == op and abs(had - count) <= FEW * count and _is_near(old, part, STILL * sigma)
+        )
+        return next(alike, [])
+
+    def keep(self, part: Primitive, op: Op, count: int, guesses: list[Program]) -> list[Program]:
+        """The guesses, which are now known."""
+        self.made.append((part, op, count, guesses))
+        return guesses
+
+
+def _is_near(a: Primitive, b: Primitive, reach: float) -> bool:
+    """Whether the numbers of two parts of one kind differ by no more than `reach`, and their directions by no more than moves an end so
+    far."""
+    if a.kind != b.kind or not np.allclose((*a.size, *a.center), (*b.size, *b.center), rtol=0.0, atol=reach):
+        return False
+    turned = np.abs(matrix_from_euler(a.rotation) - matrix_from_euler(b.rotation)).max() * bounding_radius(b)
+    if turned > reach or a.outline is None or b.outline is None:
+        return bool(turned <= reach)
+    mine, its = ([number for ring in p.outline.rings for vertex in ring for number in vertex[:2]] for p in (a, b) if p.outline)
+    return len(mine) == len(its) and bool(np.allclose(mine, its, rtol=0.0, atol=reach))
+
+
+@dataclass(frozen=True)
 class _Changes:
     """What a program of a `cloud` could become: its parts, the `candidates` and guesses along `axes`, judged by the points of `draws`,
     which stand for so many as `count`."""
@@ -148,6 +200,7 @@ class _Changes:
     candidates: Sequence[Program]
     axes: np.ndarray
     count: int
+    _known: _Guesses = field(default_factory=lambda: _Guesses([]))
 
     def promising(self, found: _Trial) -> list[_Trial]:
         """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps."""
@@ -162,14 +215,25 @@ class _Changes:
         scene = PointScene(self.draws, _limit(best.noise, self.cloud.noise), self.count)
         mixture = BatchedLikelihood.of(scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
-        new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
+        meet = [{*np.flatnonzero(row).tolist()} for row in self._meet(mixture)]
+        new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start, meet[i]))
         # a wall is no cut: what is left of it in its middle would stand alone
         walls = {i for i, part in enumerate(mixture.parts) if isinstance(part, Combine) and part.op == "difference"}
         moves = [*own_moves(start), *(c for c in new if all(s.positive or s.term not in walls for s in c))]
         moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
         lengths = mixture.lengths([start, *moves])
-        kept = [moves[i - 1] for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
+        better = [moves[i - 1] for i in _shortest(lengths) if lengths[i] < lengths[0] + SLACK]
+        kept = itertools.islice(_few_of_each(better, len(start)), TRIED)
         return [self._trial(best, choice, mixture.parts, start) for choice in kept]
+
+    def _meet(self, mixture: BatchedLikelihood) -> np.ndarray:
+        """Whether a good part of the box of each part, or of that of a settled one, is in the other, bool [p, settled]: what lies elsewhere
+        does no work of it."""
+        low, high = mixture.bounds
+        low, high, settled = low - self.cloud.noise, high + self.cloud.noise, mixture.settled
+        shared = np.minimum(high[:, None], high[:settled]) - np.maximum(low[:, None], low[:settled])
+        volumes = (high - low).prod(1)
+        return np.maximum(shared, 0.0).prod(2) > MEETING * np.minimum(volumes[:, None], volumes[:settled])
 
     def _trial(self, best: FittedProgram, choice: Choice, parts: Sequence[Program], before: Choice) -> _Trial:
         chosen = map_terms(choice, parts.__getitem__)
@@ -201,18 +265,33 @@ class _Changes:
             own = near & (leaf == first)
             first += count(part).primitives
             if isinstance(part, Primitive):
-                out += [
-                    *trim(part, cloud.points[own]),
-                    *alternatives(cloud.points[own], axes, cloud),
-                    *_taper(part),
-                    *stadiums(part, sigma),
-                    *redraw(part),
-                ]
-                if op == "difference":
-                    out += slots(part, cloud)
-                if op == "union" and own.any():
-                    out += [*_hollow(part, value[own], cloud, min(cloud.noise, sigma)), *rims(part, cloud.points, sigma)]
+                out += self._known.recall(part, op, int(own.sum()), sigma) or self._known.keep(
+                    part, op, int(own.sum()), self._guesses_from(part, op, own, value, sigma)
+                )
         return out
+
+    def _guesses_from(self, part: Primitive, op: Op, own: np.ndarray, value: np.ndarray, sigma: float) -> list[Program]:
+        """Other shapes for the `own` points, by mask [n], of a part, and what might be missing in it; all points have distances `value` [n]
+        from the program."""
+        cloud, out = self.cloud, list[Program]()
+        out += [*trim(part, cloud.points[own]), *alternatives(cloud.points[own], self.axes, cloud), *_taper(part)]
+        out += [*stadiums(part, sigma), *redraw(part)]
+        if op == "difference":
+            out += slots(part, cloud)
+        if op == "union" and own.any():
+            out += [*_hollow(part, value[own], cloud, min(cloud.noise, sigma)), *rims(part, cloud.points, sigma)]
+        return out
+
+
+def _few_of_each(choices: Iterable[Choice], settled: int) -> Iterator[Choice]:
+    """The choices without those whose new part, of an index from `settled` on, MOST_USES before them have: what else is missing elsewhere
+    can be won in the same round."""
+    used = Counter[int]()
+    for choice in choices:
+        new = [step.term for step in choice if step.term >= settled]
+        if all(used[term] < MOST_USES for term in new):
+            used.update(new)
+            yield choice
 
 
 def _in_place_of(pairs: Sequence[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:
@@ -230,11 +309,11 @@ def _hollow(part: Primitive, value: np.ndarray, cloud: Cloud, sigma: float) -> l
     return [*walls, *hollows(part, float(np.median(np.abs(value))), cloud)]
 
 
-def _shortest(lengths: np.ndarray, most: int) -> np.ndarray:
-    """Indices of the `most` shortest, of those that come to the same the first, and none of those that come to what the first of all does:
-    in another order the same solid comes about."""
+def _shortest(lengths: np.ndarray) -> np.ndarray:
+    """Indices from the shortest to the longest, of those that come to the same the first, and none of those that come to what the first
+    of all does: in another order the same solid comes about."""
     first = np.unique(np.round(lengths, 9), return_index=True)[1]
-    return first[first > 0][:most]
+    return first[first > 0]
 
 
 def _taper(part: Primitive) -> Iterator[Primitive]:
