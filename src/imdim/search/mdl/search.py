@@ -35,6 +35,7 @@ from imdim.search.mdl.candidates.residual import alternatives, hollows, missing,
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
 from imdim.search.mdl.candidates.span import prolong, slots, span
+from imdim.search.mdl.candidates.step import stepped
 from imdim.search.mdl.description_length import length_of, numbers
 from imdim.search.mdl.local_search import Choice, Stage, improvements, merge, own_moves, uses
 from imdim.search.mdl.part_tables import PartTableCache
@@ -275,7 +276,7 @@ class _Changes:
         from the program."""
         cloud, out = self.cloud, list[Program]()
         out += [*trim(part, cloud.points[own]), *alternatives(cloud.points[own], self.axes, cloud), *_taper(part)]
-        out += [*stadiums(part, sigma), *redraw(part)]
+        out += [*stadiums(part, sigma), *redraw(part), *stepped(part, cloud.points[own], sigma)]
         if op == "difference":
             out += slots(part, cloud)
         if op == "union" and own.any():
