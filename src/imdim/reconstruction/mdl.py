@@ -46,6 +46,7 @@ MOST_ASKED = 6  # times that a policy is asked for more
 MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
 SCANNED = 1000  # points of a scanned mesh
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
+BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are hardly told from one
 FIRST_SHARE = 0.4  # of the time, for searches that begin with little
 REBUILT, MOST_REBUILT = 8, 60  # times in a row that leaves are taken out in vain, and times at all
 MOST_TAKEN = 3  # leaves at once
@@ -223,8 +224,24 @@ class _NoisyCloud:
         first = deadline.ahead(FIRST_SHARE * deadline.left())
         best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, first)) for s, offered in starts])
         offered = [*candidates, *(leaf for other in others for leaf in leaves(other.program))]
-        best = self._ask(deque([best, *(found for found, _ in self._shorten(best, offered, deadline))], maxlen=1).pop(), deadline)
-        return self._rebuild(best, offered, deadline) if self.anew else best
+        best = deque([best, *(found for found, _ in self._shorten(best, offered, deadline))], maxlen=1).pop()
+        calmer = self._in_less_noise(best, offered, deadline)
+        # what was told is kept where nothing else is shorter
+        cloud = self if calmer is None else replace(self, sigma=best.noise.sigma / BLURRED_SKINS)
+        best = cloud._ask(calmer or best, deadline)
+        return cloud._rebuild(best, offered, deadline) if self.anew else best
+
+    def _in_less_noise(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram | None:
+        """What the search comes to from the best if there is less noise than it tells, where that is shorter: where all walls are thin, and
+        both skins were taken for one, a program of their middles explains the points in more noise than there is."""
+        noise = replace(best.noise, sigma=best.noise.sigma / BLURRED_SKINS)
+        start = maximise_likelihood(best.program, self.quick, noise, REFIT, deadline)
+        rounds = replace(self, sigma=noise.sigma)._shorten(start, offered, deadline)
+        lineage = _Lineage(start, self._length(start), rounds)
+        length = self._length(best)
+        while lineage.advance() and lineage.promised < length:
+            pass
+        return lineage.best if lineage.length < length - SAME else None
 
     def _rebuild(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The best with what becomes of it where some of its leaves, neighbours of one another, are taken out and looked for anew (large
