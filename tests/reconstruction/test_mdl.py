@@ -162,8 +162,11 @@ def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls
 
     # in the end b is at -5.3, and another round of c promises -5.005
     lineages = [lineage("a", -1.0, -5.0, -5.2), lineage("b", 0.0, -4.0, -5.1, -5.3), lineage("c", -4.99, -4.995, -9.0)]
-    assert mdl._NoisyCloud._in_turn(lineages) == ["b", "a", "c"]
+    assert [found.best for found in mdl._NoisyCloud._in_turn(lineages)] == ["b", "a", "c"]
     assert told_of == ["a", "b", "c", "a", "b", "b"]
+    cut = [lineage("a", -1.0, -5.0, -5.2), lineage("b", 0.0, -4.0, -5.1)]
+    assert mdl._NoisyCloud._in_turn(cut, PASSED)[0].best == "a"
+    assert cut[0].length == -1.0
 
 
 def test_what_is_too_much_goes_and_relations_hold():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -222,9 +221,11 @@ class _NoisyCloud:
         likeliest = best_by_mdl([*dict.fromkeys(written)], self._draws, self._noise, LINEAGES) if written else []
         starts.extend((self._first([p], deadline), told) for p in likeliest)
         first = deadline.ahead(FIRST_SHARE * deadline.left())
-        best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, first)) for s, offered in starts])
-        offered = [*candidates, *(leaf for other in others for leaf in leaves(other.program))]
-        best = deque([best, *(found for found, _ in self._shorten(best, offered, deadline))], maxlen=1).pop()
+        found = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, first)) for s, offered in starts], first)
+        offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
+        # where time has cut them, the longer of two may become the shorter yet
+        heirs = [found[0], *(h for h in [min(found, key=lambda h: h.promised)] if h is not found[0] and first.has_passed())]
+        best = self._in_turn([replace(h, rounds=self._shorten(h.best, offered, deadline)) for h in heirs], deadline)[0].best
         calmer = self._in_less_noise(best, offered, deadline)
         # what was told is kept where nothing else is shorter
         cloud = self if calmer is None else replace(self, sigma=best.noise.sigma / BLURRED_SKINS)
@@ -277,17 +278,17 @@ class _NoisyCloud:
         return best
 
     @staticmethod
-    def _in_turn(lineages: list[_Lineage]) -> list[FittedProgram]:
-        """What the lineages come to, the shortest first. The next round is that of the one which promises the most by what it won in its
-        last, until none promises more than one has."""
+    def _in_turn(lineages: list[_Lineage], deadline: Deadline = NEVER) -> list[_Lineage]:
+        """The lineages as far as they come, the shortest first. The next round is that of the one which promises the most by what it won in
+        its last, until none promises more than one has."""
         going = list(lineages)
-        while going:
+        while going and not deadline.has_passed():
             most = min(going, key=lambda lineage: lineage.promised)
             if most.promised > min(lineage.length for lineage in lineages):
                 break
             if not most.advance():
                 going.remove(most)
-        return [lineage.best for lineage in sorted(lineages, key=lambda lineage: lineage.length)]
+        return sorted(lineages, key=lambda lineage: lineage.length)
 
     def _shorten(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> Iterator[tuple[FittedProgram, float]]:
         return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count, self.sigma)
@@ -319,6 +320,7 @@ class _Lineage:
         """Have another round; whether that found anything."""
         found = next(self.rounds, None)
         if found is None:
+            self.promised = self.length
             return False
         won = self.length - found[1]
         (self.best, self.length), self.promised = found, found[1] - AHEAD * won
