@@ -44,6 +44,7 @@ ASK_S = 2.0  # what asking takes of the processor
 MOST_ASKED = 6  # times that a policy is asked for more
 MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
 SCANNED = 1000  # points of a scanned mesh
+COUNTED = 0.66  # of these
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
 BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are hardly told from one
 FIRST_SHARE = 0.4  # of the time, for searches that begin with little
@@ -93,7 +94,8 @@ def reconstruct_scan(body: UnitBody, rng: np.random.Generator, choose_by: Deadli
     """A program of a scanned mesh in its unit frame, from points of its surface; None where nothing is left of them.
 
     Rounded edges, bulges and dents of a real thing are no features: they count as noise, and since they go on over many facets, few points
-    say as much of it as many do. The policy is not asked: it takes a tenth of the time, and knows no scans. Time as for `most_likely`.
+    say as much of it as many do. The policy is not asked: it takes a tenth of the time, and knows no scans. Nor are parts looked for anew,
+    which would follow what a real thing deviates by. Time as for `most_likely`.
     """
     mesh = body.target.mesh
     if mesh is None:
@@ -102,7 +104,7 @@ def reconstruct_scan(body: UnitBody, rng: np.random.Generator, choose_by: Deadli
     sigma = max(body.noise.sigma, DEVIATION)
     found = [p.program for p in proposals(None, points, sigma, deadline=choose_by)]
     cloud = _NoisyCloud.of(points, sigma, drawn=drawn, trifle=DEVIATION)
-    return cloud.find_shortest(found, choose_by, fit_by) if found else None
+    return replace(cloud, anew=False).find_shortest(found, choose_by, fit_by) if found else None
 
 
 def most_likely(
@@ -159,8 +161,8 @@ class _NoisyCloud:
     @property
     def _count(self) -> int:
         """Of the points that fit the numbers in the end: a search that weighed numbers by the fewer points that it looks at would leave out
-        what they all show."""
-        return min(len(self.points), MOST_POINTS)
+        what they all show. Of the points of a scan fewer count: what deviates goes on over many of them."""
+        return min(len(self.points), MOST_POINTS) if not self.trifle else round(COUNTED * len(self.points))
 
     @cached_property
     def quick(self) -> np.ndarray:
@@ -226,7 +228,8 @@ class _NoisyCloud:
         # where time has cut them, the longer of two may become the shorter yet
         heirs = [found[0], *(h for h in [min(found, key=lambda h: h.promised)] if h is not found[0] and first.has_passed())]
         best = self._in_turn([replace(h, rounds=self._shorten(h.best, offered, deadline)) for h in heirs], deadline)[0].best
-        calmer = self._in_less_noise(best, offered, deadline)
+        # the deviations of a real thing are no noise that the points could tell
+        calmer = None if self.trifle else self._in_less_noise(best, offered, deadline)
         # what was told is kept where nothing else is shorter
         cloud = self if calmer is None else replace(self, sigma=best.noise.sigma / BLURRED_SKINS)
         best = cloud._ask(calmer or best, deadline)
@@ -291,7 +294,7 @@ class _NoisyCloud:
         return sorted(lineages, key=lambda lineage: lineage.length)
 
     def _shorten(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> Iterator[tuple[FittedProgram, float]]:
-        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count, self.sigma)
+        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count, self.sigma, not self.trifle)
 
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""

@@ -71,19 +71,20 @@ def shorten(
     draws: PartTableCache | None = None,
     stand_for: int | None = None,
     sigma: float | None = None,
+    steps: bool = True,
 ) -> Iterator[tuple[FittedProgram, float]]:
     """Programs that describe `points` [n, 3] in ever shorter ways, each after the best changes of a round, and how long they take.
 
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the
     `tables_of_subsample` points keep for other calls what was computed for single parts. The points may `stand_for` a larger cloud.
     `sigma` is the deviation of their noise where the cloud itself has told it: in that of a program that runs between the skins of a thin
-    wall is the wall.
+    wall is the wall. Parts may have `steps` that no single point shows.
     """
     if deadline.has_passed():
         return
     draws = draws or tables_of_subsample(points, likely.noise.shadows)
     told = sigma or likely.noise.sigma
-    changes = _Changes(Cloud.of(points, told), draws, candidates, axes, stand_for or len(points))
+    changes = _Changes(Cloud.of(points, told), draws, candidates, axes, stand_for or len(points), steps)
 
     def fit(points: np.ndarray, config: EMConfig, most: float = math.inf) -> Callable[[_Trial], list[_Trial]]:
         return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, _limit(trial.likely.noise, most), config, deadline))]
@@ -194,13 +195,14 @@ def _is_near(a: Primitive, b: Primitive, reach: float) -> bool:
 @dataclass(frozen=True)
 class _Changes:
     """What a program of a `cloud` could become: its parts, the `candidates` and guesses along `axes`, judged by the points of `draws`,
-    which stand for so many as `count`."""
+    which stand for so many as `count`; `steps` that no single point shows are looked for or not."""
 
     cloud: Cloud
     draws: PartTableCache
     candidates: Sequence[Program]
     axes: np.ndarray
     count: int
+    steps: bool
     _known: _Guesses = field(default_factory=lambda: _Guesses([]))
 
     def promising(self, found: _Trial) -> list[_Trial]:
@@ -276,7 +278,7 @@ class _Changes:
         from the program."""
         cloud, out = self.cloud, list[Program]()
         out += [*trim(part, cloud.points[own]), *alternatives(cloud.points[own], self.axes, cloud), *_taper(part)]
-        out += [*stadiums(part, sigma), *redraw(part), *stepped(part, cloud.points[own], sigma)]
+        out += [*stadiums(part, sigma), *redraw(part), *(stepped(part, cloud.points[own], sigma) if self.steps else ())]
         if op == "difference":
             out += slots(part, cloud)
         if op == "union" and own.any():
