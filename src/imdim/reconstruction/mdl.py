@@ -47,6 +47,7 @@ SCANNED = 1000  # points of a scanned mesh
 COUNTED = 0.66  # of these
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
 BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are hardly told from one
+FALLEN = 0.85  # of the noise that was told is left where it was skins
 FIRST_SHARE = 0.4  # of the time, for searches that begin with little
 REBUILT, MOST_REBUILT = 8, 60  # times in a row that leaves are taken out in vain, and times at all
 MOST_TAKEN = 3  # leaves at once
@@ -236,8 +237,8 @@ class _NoisyCloud:
         return cloud._rebuild(best, offered, deadline) if self.anew else best
 
     def _in_less_noise(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram | None:
-        """What the search comes to from the best if there is less noise than it tells, where that is shorter: where all walls are thin, and
-        both skins were taken for one, a program of their middles explains the points in more noise than there is."""
+        """What the search comes to from the best if there is less noise than it tells, where that is shorter and there is: where all walls
+        are thin, and both skins were taken for one, a program of their middles explains the points in more noise than there is."""
         noise = replace(best.noise, sigma=best.noise.sigma / BLURRED_SKINS)
         start = maximise_likelihood(best.program, self.quick, noise, REFIT, deadline)
         rounds = replace(self, sigma=noise.sigma)._shorten(start, offered, deadline)
@@ -245,7 +246,8 @@ class _NoisyCloud:
         length = self._length(best)
         while lineage.advance() and lineage.promised < length:
             pass
-        return lineage.best if lineage.length < length - SAME else None
+        fell = lineage.best.noise.sigma < FALLEN * best.noise.sigma
+        return lineage.best if fell and lineage.length < length - SAME else None
 
     def _rebuild(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The best with what becomes of it where some of its leaves, neighbours of one another, are taken out and looked for anew (large
