@@ -7,7 +7,7 @@ import pytest
 from tests.deadlines import PASSED
 from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 
-from imdim.deadline import NEVER
+from imdim.deadline import NEVER, Deadline
 from imdim.detection.noise import ENOUGH_POINTS, EXACT
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
@@ -167,6 +167,25 @@ def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls
     cut = [lineage("a", -1.0, -5.0, -5.2), lineage("b", 0.0, -4.0, -5.1)]
     assert mdl._NoisyCloud._in_turn(cut, PASSED)[0].best == "a"
     assert cut[0].length == -1.0
+
+
+@pytest.mark.parametrize(("reached", "going_on"), [(5.0, [-5.0, -4.0]), (1.0, [-5.0])])
+def test_where_time_cuts_the_first_searches_the_most_promising_goes_on_beside_the_shortest(monkeypatch, reached, going_on):
+    truth, now, calls = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), [0.0], []
+
+    def in_turn(lineages, deadline):
+        calls.append([lineage.length for lineage in lineages])
+        if len(calls) == 1:
+            (one, two), now[0] = lineages, reached
+            one.length = one.promised = -5.0
+            two.length, two.promised = -4.0, -9.0
+        return lineages
+
+    monkeypatch.setattr(mdl, "shorten", lambda *_: iter(()))
+    monkeypatch.setattr(mdl._NoisyCloud, "_in_turn", staticmethod(in_turn))
+    noisy = mdl._NoisyCloud.of(cloud(truth), 0.3, np.eye(3), drawn=False)
+    noisy._search([truth], [*leaves(truth)], Deadline(10.0, lambda: now[0]))
+    assert calls[1] == going_on
 
 
 def test_what_is_too_much_goes_and_relations_hold():
