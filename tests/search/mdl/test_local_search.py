@@ -7,7 +7,7 @@ import pytest
 
 from imdim.deadline import NEVER, Deadline
 from imdim.program.sequence import Step
-from imdim.search.mdl.local_search import Stage, improvements, merge, own_moves, pack_choices, search_locally, uses
+from imdim.search.mdl.local_search import FittingStage, improvements, merge, own_moves, pack_choices, search_locally, uses
 
 A, B, C = Step("union", 7), Step("difference", 8), Step("difference", 9)
 
@@ -31,34 +31,34 @@ def as_it_is(n):
 
 
 def test_the_best_of_the_fitted_is_taken_until_nothing_is_better():
-    assert found(73, [Stage(as_it_is, 3)]) == (100, 0)
-    assert found(73, [Stage(as_it_is, 3)], rounds=2) == (93, 7)
+    assert found(73, [FittingStage(as_it_is, 3)]) == (100, 0)
+    assert found(73, [FittingStage(as_it_is, 3)], rounds=2) == (93, 7)
 
 
 def test_only_the_foremost_are_fitted_and_each_stage_ranks_anew():
-    assert found(73, [Stage(as_it_is, 1)]) == (73, 27)
-    assert found(73, [Stage(as_it_is, 3), Stage(as_it_is, 1)], rounds=1) == (83, 17)
-    assert found(73, [Stage(as_it_is, 1), Stage(lambda n: [n, n + 5], 1)], rounds=1) == (77, 23)
+    assert found(73, [FittingStage(as_it_is, 1)]) == (73, 27)
+    assert found(73, [FittingStage(as_it_is, 3), FittingStage(as_it_is, 1)], rounds=1) == (83, 17)
+    assert found(73, [FittingStage(as_it_is, 1), FittingStage(lambda n: [n, n + 5], 1)], rounds=1) == (77, 23)
 
 
 def test_what_is_not_worth_it_changes_nothing():
-    assert found(85, [Stage(as_it_is, 3)], worth=5.0) == (95, 5)
-    assert found(95, [Stage(as_it_is, 3)], worth=5.0) == (95, 5)
+    assert found(85, [FittingStage(as_it_is, 3)], worth=5.0) == (95, 5)
+    assert found(95, [FittingStage(as_it_is, 3)], worth=5.0) == (95, 5)
 
 
 @pytest.mark.parametrize(("times", "reached"), [(0, 73), (1, 73), (2, 73), (3, 74), (4, 83), (7, 84), (8, 93)])
 def test_of_a_round_that_time_cuts_short_what_is_fitted_may_be_taken(times, reached):
-    assert found(73, [Stage(as_it_is, 3)], times=times)[0] == reached
+    assert found(73, [FittingStage(as_it_is, 3)], times=times)[0] == reached
 
 
 @pytest.mark.parametrize(("times", "reached"), [(3, 73), (4, 73), (5, 83)])
 def test_a_round_that_time_cuts_before_its_last_stage_changes_nothing(times, reached):
-    assert found(73, [Stage(as_it_is, 3), Stage(as_it_is, 2)], times=times)[0] == reached
+    assert found(73, [FittingStage(as_it_is, 3), FittingStage(as_it_is, 2)], times=times)[0] == reached
 
 
 def test_of_states_that_are_alike_the_next_stage_fits_the_best():
     fitted = []
-    stages = [Stage(as_it_is, 4), Stage(lambda n: fitted.append(n) or [n], 2)]
+    stages = [FittingStage(as_it_is, 4), FittingStage(lambda n: fitted.append(n) or [n], 2)]
     steps = improvements(
         (0, 9.0),
         lambda n: [4, 5, 1, 2],
@@ -74,7 +74,7 @@ def test_of_states_that_are_alike_the_next_stage_fits_the_best():
 
 
 def test_nothing_proposed_leaves_the_start():
-    given = search_locally((1, 1.0), lambda _: [], [Stage(as_it_is, 1)], lambda _: [], lambda *_: 0.0, 9, NEVER)
+    given = search_locally((1, 1.0), lambda _: [], [FittingStage(as_it_is, 1)], lambda _: [], lambda *_: 0.0, 9, NEVER)
     assert given == (1, 1.0)
 
 
@@ -88,7 +88,7 @@ def test_what_else_won_is_tried_on_top_of_the_best():
         return [-sum(4 - n for n in chosen) for chosen in tried]
 
     start = (frozenset(), 0.0)
-    given = (start, propose, [Stage(as_it_is, 8)], worth_of, lambda *_: 0.0, 9, NEVER)
+    given = (start, propose, [FittingStage(as_it_is, 8)], worth_of, lambda *_: 0.0, 9, NEVER)
     assert next(improvements(*given))[0] == {0}
     rounds = list(improvements(*given, frozenset.union))
     assert rounds == [({0, 1, 2, 3}, -10)]

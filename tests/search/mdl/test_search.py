@@ -12,6 +12,7 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.numbers.em import FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise
 from imdim.program.cost import count
+from imdim.program.outline import Outline, ellipse
 from imdim.program.sequence import Step, map_terms, to_program, to_sequence
 from imdim.program.tree import Primitive, leaves
 from imdim.search.mdl import part_tables
@@ -19,7 +20,7 @@ from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.description_length import SKIN, description_length, length_of, numbers
 from imdim.search.mdl.local_search import own_moves, uses
 from imdim.search.mdl.part_tables import PartTableCache
-from imdim.search.mdl.search import _few_of_each, _in_place_of, _shortest, best_by_mdl, shorten
+from imdim.search.mdl.search import _few_of_each, _in_place_of, _is_near, _shortest, best_by_mdl, shorten
 from imdim.search.mdl.silhouettes import outlines
 
 PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
@@ -258,3 +259,20 @@ def test_directions_that_parts_share_are_numbers_of_one():
     assert numbers(union(straight, leaning)) == 18
     assert numbers(union(straight, cylinder(1, 2), cylinder(1, 2, (5.0, 0.0, 0.0)))) == 19
     assert numbers(union(cylinder(1, 2), cylinder(1, 2, (5.0, 0.0, 0.0)))) == 12
+
+
+def test_parts_are_near_where_all_that_they_are_drawn_by_is():
+    def drawn(*loops):
+        return Primitive("extrude", (80.0,), outline=Outline(loops))
+
+    square = ((-9.0, -9.0, 0.0), (9.0, -9.0, 0.0), (9.0, 9.0, 0.0), (-9.0, 9.0, 0.0))
+    bent = (*square[:3], (-9.0, 9.0, 0.2))
+    assert _is_near(drawn(square), drawn(tuple((x + 0.1, y, b) for x, y, b in square)), 0.2)
+    assert not _is_near(drawn(square), drawn(bent), 0.2)
+    assert not _is_near(drawn(square), drawn(square, ellipse(4.0, 3.0)), 0.2)
+    assert _is_near(drawn(ellipse(16.0, 10.0)), drawn(ellipse(16.1, 10.0)), 0.2)
+    assert not _is_near(drawn(ellipse(16.0, 10.0)), drawn(ellipse(12.0, 10.0)), 0.2)
+    assert not _is_near(drawn(ellipse(16.0, 10.0)), drawn(ellipse(16.0, 9.0)), 0.2)
+    assert _is_near(cylinder(4, 20), cylinder(4.1, 20), 0.2)
+    assert not _is_near(cylinder(4, 20), box(4, 20, 4), 0.2)
+    assert not _is_near(Primitive("box", (9.0, 9.0, 40.0)), Primitive("box", (9.0, 9.0, 40.0), rotation=(0.0, 3.0, 0.0)), 0.2)

@@ -25,7 +25,7 @@ Objective = Callable[[Sequence[S]], Sequence[float]]  # of several states at onc
 TURNED: Mapping[Op, Op] = {"union": "difference", "difference": "union"}
 
 
-class Stage(NamedTuple, Generic[S]):
+class FittingStage(NamedTuple, Generic[S]):
     """The `most` foremost trials are fitted; `fit` gives what becomes of one, itself included where it may stay as it is."""
 
     fit: Callable[[S], Sequence[S]]
@@ -35,7 +35,7 @@ class Stage(NamedTuple, Generic[S]):
 def search_locally(
     start: tuple[S, float],
     propose: Callable[[S], Sequence[S]],
-    stages: Sequence[Stage[S]],
+    stages: Sequence[FittingStage[S]],
     objective: Objective[S],
     worth: Callable[[S, S], float],
     rounds: int,
@@ -48,7 +48,7 @@ def search_locally(
 def improvements(
     start: tuple[S, float],
     propose: Callable[[S], Sequence[S]],
-    stages: Sequence[Stage[S]],
+    stages: Sequence[FittingStage[S]],
     objective: Objective[S],
     worth: Callable[[S, S], float],
     rounds: int,
@@ -93,7 +93,9 @@ def _leave_apart(trials: Sequence[tuple[S, float]], alike: Callable[[S, S], bool
     return left
 
 
-def _rank(trials: Sequence[S], stage: Stage[S], objective: Objective[S], deadline: Deadline, some: bool = False) -> list[tuple[S, float]]:
+def _rank(
+    trials: Sequence[S], stage: FittingStage[S], objective: Objective[S], deadline: Deadline, some: bool = False
+) -> list[tuple[S, float]]:
     """What becomes of the foremost trials, the best first; where there is no time to fit them all, of those that are fitted if `some` are
     enough, and nothing otherwise."""
     fitted: list[S] = []

@@ -21,7 +21,7 @@ from imdim.numbers.refine import RefineConfig, refine
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, with_leaves
 from imdim.program.tree import Primitive, Program
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim, whole
-from imdim.search.mdl.local_search import Choice, Stage, search_locally
+from imdim.search.mdl.local_search import Choice, FittingStage, search_locally
 from imdim.search.mdl.primitive_selection import Cloud, PoolConfig, PrimitivePool, best_choice, distinct
 
 WORTH = 1e-4  # by which a repair must lower the cost
@@ -110,7 +110,7 @@ class _Repairs:
     def _repair(self, start: Proposal, extra: Sequence[Primitive]) -> Proposal:
         """Choose, fit, guess what is missing, and again, until the cost no longer falls."""
         config = self.config
-        stage = Stage[Signed](lambda signed: [self._fit(signed, config.again, config.seen), signed], 1)
+        stage = FittingStage[Signed](lambda signed: [self._fit(signed, config.again, config.seen), signed], 1)
         best, cost = search_locally(
             (start.signed, start.cost),
             lambda signed: [self._choose(signed, extra)],

@@ -25,6 +25,8 @@ from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise
 from imdim.program.cost import count
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Loop, ring_curves
 from imdim.program.paths import leaf_paths, without
 from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
@@ -37,7 +39,7 @@ from imdim.search.mdl.candidates.shell_slot import shells, stadiums
 from imdim.search.mdl.candidates.span import prolong, slots, span
 from imdim.search.mdl.candidates.step import stepped
 from imdim.search.mdl.description_length import length_of, numbers
-from imdim.search.mdl.local_search import Choice, Stage, improvements, merge, own_moves, uses
+from imdim.search.mdl.local_search import Choice, FittingStage, improvements, merge, own_moves, uses
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 
@@ -93,7 +95,7 @@ def shorten(
         return [length_of(t.likely, stand_for or len(points)) for t in tried]
 
     start = _Trial(likely, (), (), ())
-    stages = Stage(fit(points[::FEWER], FIRST, told), TRIED), Stage(fit(points, REFIT), REFITTED)
+    stages = FittingStage(fit(points[::FEWER], FIRST, told), TRIED), FittingStage(fit(points, REFIT), REFITTED)
     begin = start, lengths([start])[0]
     for trial, length in improvements(begin, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
         yield trial.likely, length
@@ -188,8 +190,20 @@ def _is_near(a: Primitive, b: Primitive, reach: float) -> bool:
     turned = np.abs(matrix_from_euler(a.rotation) - matrix_from_euler(b.rotation)).max() * bounding_radius(b)
     if turned > reach or a.outline is None or b.outline is None:
         return bool(turned <= reach)
-    mine, its = ([number for ring in p.outline.rings for vertex in ring for number in vertex[:2]] for p in (a, b) if p.outline)
-    return len(mine) == len(its) and bool(np.allclose(mine, its, rtol=0.0, atol=reach))
+    mine, its = a.outline.loops, b.outline.loops
+    if [(type(loop), len(loop)) for loop in mine] != [(type(loop), len(loop)) for loop in its]:
+        return False
+    return all(np.allclose(_lengths_of(one), _lengths_of(other), rtol=0.0, atol=reach) for one, other in zip(mine, its, strict=True))
+
+
+def _lengths_of(loop: Loop) -> list[float]:
+    """What says where a loop runs, in units of length: corners and by how much arcs leave their chords, or the middle of an ellipse and the
+    ends of its first axis, and the second one."""
+    if isinstance(loop, Ellipse):
+        along = (loop.rx * np.array(loop.along)).tolist()
+        return [loop.x, loop.y, *along, loop.ry]
+    corners = [number for x, y, _ in loop for number in (x, y)]
+    return corners + [b * math.dist((x, y), (u, v)) / 2 for x, y, u, v, b in ring_curves(loop)]
 
 
 @dataclass(frozen=True)
