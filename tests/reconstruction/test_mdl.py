@@ -38,10 +38,10 @@ def seen_of(points):
     return observe(UnitBody.of(unit, rng), Settings().size_weight, rng), frame
 
 
-def told(starts, points, *times, drawn=False):
+def told(starts, points, *times, drawn=False, anew=True):
     """`most_likely` for programs in the units of the points, and there."""
     seen, frame = seen_of(points)
-    return frame.undo(most_likely([frame.apply(p) for p in starts], seen, *times, drawn=drawn).program)
+    return frame.undo(most_likely([frame.apply(p) for p in starts], seen, *times, drawn=drawn, anew=anew).program)
 
 
 @pytest.mark.parametrize(("name", "share"), [("L bracket", 0.006), ("plate with four holes", 0.003)])
@@ -106,12 +106,23 @@ def test_searches_start_from_one_part_of_each_kind_and_from_a_program_and_the_sh
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
     starts = []
     monkeypatch.setattr(mdl, "shorten", lambda likely, *_: starts.append(likely.program) or iter(()))
-    found = told([truth], cloud(truth), NEVER)
-    assert [count(p).primitives for p in starts[:3]] == [1, 3, 3]  # the last time with what the others found
+    found = told([truth], cloud(truth), NEVER, anew=False)
+    # from the shortest with what the others found, and as if there was less noise
+    assert [count(p).primitives for p in starts] == [1, 3, 3, 3]
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
     starts.clear()
-    told([truth], cloud(truth), NEVER, drawn=True)
-    assert [p.kind for p in starts if count(p).primitives == 1][1:3] == ["revolve", "extrude"]
+    told([truth], cloud(truth), NEVER, drawn=True, anew=False)
+    assert [p.kind for p in starts if count(p).primitives == 1][1:] == ["revolve", "extrude"]
+
+
+@pytest.mark.parametrize("evolution", [True, False])
+def test_without_evolution_nothing_is_looked_for_anew(evolution, monkeypatch):
+    asked = []
+    monkeypatch.setattr(mdl._NoisyCloud, "_rebuild", lambda self, best, *_: asked.append(1) or best)
+    settings = Settings(checkpoint="none", evolution=evolution, budget_s=10.0)
+    *_, last = reconstruct(target_from(cloud(box(40, 30, 8))), settings, np.random.default_rng(0))
+    assert asked == [1] * evolution
+    assert count(last.program).primitives == 1
 
 
 def test_what_two_wrong_parts_explain_together_is_taken_out_and_looked_for_anew(monkeypatch):

@@ -51,6 +51,7 @@ FALLEN = 0.85  # of the noise that was told is left where it was skins
 FIRST_SHARE = 0.4  # of the time, for searches that begin with little
 REBUILT, MOST_REBUILT = 8, 60  # times in a row that leaves are taken out in vain, and times at all
 MOST_TAKEN = 3  # leaves at once
+SEED = 0  # of which: the same cloud is always searched alike
 ASTRAY = (2.0, 8.0)  # deviations of the noise between which a point is explained badly and no stray
 DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
@@ -252,7 +253,7 @@ class _NoisyCloud:
     def _rebuild(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The best with what becomes of it where some of its leaves, neighbours of one another, are taken out and looked for anew (large
         neighbourhood search, Shaw 1998): what two wrong parts explain together no single change undoes."""
-        rng = np.random.default_rng(0)
+        rng = np.random.default_rng(SEED)
         length, taken, failed = self._length(best), set[Program](), 0
         for _ in range(MOST_REBUILT):
             less = _without_neighbours(best.program, self.quick, best.noise.sigma, rng)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from imdim.geometry.lowering import lower, pack_all, split_params
-from imdim.numbers.em import FittedProgram
+from imdim.numbers.em import EMConfig, FittedProgram
 from imdim.numbers.likelihood import Noise, SurfaceSamples, expectation_step
 from imdim.numbers.outline_coordinates import outline_coordinates
 from imdim.numbers.shared_rotations import FULL, frames
@@ -21,7 +21,7 @@ from imdim.program.tree import FULL_TURN, SIZE_NAMES, Primitive, Program, combin
 # numbers that say where a kind lies, of an outline its own say the rest, and those that say which way it points
 PLACE = {"box": 3, "ellipsoid": 3, "sphere": 3, "cylinder": 3, "cone": 3, "torus": 3, "extrude": 1, "revolve": 2}
 WAY = {"box": 3, "ellipsoid": 3, "sphere": 0, "cylinder": 2, "cone": 2, "torus": 2, "extrude": 2, "revolve": 2}
-PARALLEL_DEG = 2.0  # between directions that fits take to be one
+PARALLEL_DEG = EMConfig.parallel_deg  # between directions that fits take to be one
 SKIN = 0.1  # nats that a point on a skin thinner than the noise costs
 
 
