@@ -89,11 +89,10 @@ def _place_edges(document: Path) -> PlacedEdges:
     """Where the edges of a document's features are, in millimetres; none of one that cannot be read, which its process says."""
     try:
         read = parse(document.read_text(encoding="utf-8"))
-        return (
-            PlacedEdges.of(_in_millimetres(read), scale_edges(edges_of(read), _millimetres_of(read))) if edges_of(read) else PlacedEdges()
-        )
+        program, edges = _in_millimetres(read), scale_edges(edges_of(read), _millimetres_of(read))
     except (OSError, ValueError):
         return PlacedEdges()
+    return PlacedEdges.of(program, edges) if edges else PlacedEdges()
 
 
 def finish_step(job: StepJob, limit_s: float) -> Exported:

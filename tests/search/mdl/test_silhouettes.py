@@ -11,6 +11,7 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, ellipse
 from imdim.program.tree import Primitive
+from imdim.search.mdl.curve_fitting import _cost
 from imdim.search.mdl.curve_ransac import best_curve, circles, crowding, find_filled_stretch, fit_circle, fit_line
 from imdim.search.mdl.silhouettes import outlines
 
@@ -93,3 +94,12 @@ def test_a_thin_elliptic_tube_is_drawn_from_end_to_end():
     assert found
     assert volume_iou(to_manifold(found[0]), to_manifold(tube)) > 0.8
     assert all(isinstance(loop, Ellipse) for loop in found[0].outline.loops)
+
+
+def test_a_loop_that_bounds_nothing_is_dearer_than_any_ellipse():
+    """Its corners may have met where carriers cross."""
+    turns = np.linspace(0.0, 2 * np.pi, 200, endpoint=False)
+    points = np.column_stack([16 * np.cos(turns), 12 * np.sin(turns)])
+    collapsed = ((1.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 0.0))
+    assert _cost(collapsed, points, SIGMA, 5.0) == np.inf
+    assert _cost(Ellipse(16.0, 12.0), points, SIGMA, 5.0) == pytest.approx(25.0, abs=0.1)

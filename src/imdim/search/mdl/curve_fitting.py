@@ -112,7 +112,7 @@ def _fit_loop(border: np.ndarray, reach: float, points: np.ndarray, sigma: float
 
 
 def _ellipse_through(places: np.ndarray, points: np.ndarray, sigma: float) -> Ellipse | None:
-    """The ellipse through the `points` [n, 2] beside the `places` [m, 2] of a border; None where they lie on no ellipse at all."""
+    """The ellipse through the `points` [n, 2] beside the `places` [m, 2] of a border; None where either of both lie on no ellipse."""
     for some in (places, points):
         conic = fit_conic(some) if len(some) > CONIC else None
         if conic is None:
@@ -126,8 +126,12 @@ def _ellipse_through(places: np.ndarray, points: np.ndarray, sigma: float) -> El
 
 
 def _cost(loop: Loop, points: np.ndarray, sigma: float, price: float) -> float:
-    """What a loop leaves of the squared distances of `points` [n, 2], and what its numbers cost."""
-    off = kernels.outline_sdf(Outlines.pack([Outline((loop,))]).curves, points)
+    """What a loop leaves of the squared distances of `points` [n, 2], and what its numbers cost; infinite for one that bounds nothing."""
+    try:
+        outline = Outline((loop,))
+    except ValueError:
+        return math.inf
+    off = kernels.outline_sdf(Outlines.pack([outline]).curves, points)
     count = CONIC if isinstance(loop, Ellipse) else sum(2 + (bulge != 0) for _, _, bulge in loop)
     return float((off**2).sum()) / (2 * sigma**2) + price * count
 
