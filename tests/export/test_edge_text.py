@@ -1,5 +1,6 @@
 """Blends in OpenSCAD text: what they are, what they follow, and what the real tool makes of them."""
 
+import re
 import shutil
 import subprocess
 
@@ -53,6 +54,19 @@ def test_blends_follow_every_name(factor: float) -> None:
         after = change_values(before, {name: before.values[name] * factor})
         drawn = to_manifold(read_openscad(after.texts["program.scad"], blended=True), 96)
         assert drawn.volume() == pytest.approx(solid_of(after).volume(), rel=1e-6), name
+
+
+def test_factors_are_simple_where_one_beside_them_is_not() -> None:
+    # a slanted end beside a round one: along the slant blends move by a sine, everywhere else by eighths
+    bulge = 0.41421356237309503
+    ring = ((-20.0, -10.0, 0.0), (15.0, -10.0, 0.0), (25.0, 10.0, 0.0), (-15.0, 10.0, bulge), (-20.0, 5.0, 0.0))
+    plate = Primitive("extrude", (6.0,), outline=Outline((ring,)))
+    rim = EdgeFeature("chamfer", (1.0,), tuple((Face(0, "+z"), Face(0, f"wall[0][{k}]")) for k in range(5)))
+    found = finish(plate, edges=(rim,))
+    text = texts_of(found.program, found.parameters, found.folded, 96, found.edges)["program.scad"]
+    factors = [float(f) for f in re.findall(r"chamfer_distance\*([\d.e-]+)", text)]
+    assert factors  # along the slant
+    assert all(abs(8 * f - round(8 * f)) > 8e-4 for f in factors), factors
 
 
 @pytest.mark.tool

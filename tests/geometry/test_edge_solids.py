@@ -68,6 +68,14 @@ def test_round_edges() -> None:
     assert volume(hole, mouth) == pytest.approx(8000 - 125 * math.pi - widened, rel=1e-5)
 
 
+def test_a_blend_all_around_begins_where_its_circle_does() -> None:
+    shaft = Primitive("cylinder", (6.0, 30.0))
+    (piece,) = blend_solids(shaft, [EdgeFeature("chamfer", (1.0,), ((Face(0, "+z"), Face(0, "side")),))]).pieces
+    assert isinstance(piece.solid, Primitive)
+    assert piece.solid.rotation == (0.0, 0.0, 0.0)
+    assert piece.solid.size == (360.0,)
+
+
 def test_a_concave_edge_is_filled() -> None:
     plate, boss = Primitive("box", (40.0, 40.0, 5.0)), Primitive("cylinder", (8.0, 12.0), (0.0, 0.0, 8.0))
     foot = EdgeFeature("fillet", (2.0,), ((Face(0, "+z"), Face(1, "side")),))

@@ -22,7 +22,7 @@ from imdim.program.edges import EdgeFeature, with_sizes
 from imdim.program.tree import Primitive, Program, leaves, longest
 
 STEP = 1e-3  # of a value, by which it is moved
-STRAIGHT = 1e-4  # of a step, by which twice as far may not be twice as much
+STRAIGHT = 1e-4  # of a step, by which twice as far may not be twice as much, and a factor not be a simple one
 FAINT = 1e-6  # of a factor, which is none
 FACTOR_DIGITS = 9  # of others
 EIGHTHS = 8  # parts of one, of which simple factors are so many
@@ -104,7 +104,7 @@ def _slope(
     """By how much each number of the blends moves with a name. Raises _UnfollowedError where that is not straight, or there are other
     blends then."""
     step = STEP * (abs(values[name]) or longest(leaves(program)))
-    first = None
+    first = simple = None
     for times in (1, 2):
         changed = {name: values[name] + times * step}
         try:
@@ -124,7 +124,8 @@ def _slope(
         elif (np.abs(moved - 2 * first) > STRAIGHT * np.maximum(np.abs(first), 1.0)).any():
             raise _UnfollowedError
     assert first is not None
-    return np.round(first, FACTOR_DIGITS)
+    assert simple is not None
+    return np.where(np.abs(first - simple) < STRAIGHT, simple, np.round(first, FACTOR_DIGITS))
 
 
 def _moves(one: Program, two: Program, features: Sequence[EdgeFeature]) -> bool:

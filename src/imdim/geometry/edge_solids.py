@@ -66,7 +66,8 @@ def sweep_edge(edge: BlendedEdge, low: float, high: float) -> Primitive:
     track, stretch = edge.track, edge.stretch
     loop = _section(track, stretch, edge.sizes, edge.kind)
     scale = track.radius if track.is_round else 1.0
-    start, end = stretch.low - low / scale, stretch.high + high / scale
+    low, high = (0.0, 0.0) if stretch.is_closed else (low / scale, high / scale)  # all around there is nothing to go into
+    start, end = stretch.low - low, stretch.high + high
     if track.is_round:
         return _turned(track, loop, start, FULL_TURN if stretch.is_closed else math.degrees(end - start))
     return _extruded(track, loop, start, end)
