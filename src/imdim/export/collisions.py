@@ -96,7 +96,7 @@ def _add_equation(
 ) -> _Solution | None:
     """The solution with a distance that stays, if something plain may follow from it and it is safer than that `before`."""
     first, second = found.leaves_of(hazard)
-    reduced = before.reduced.add([equation.with_name(system, second)], len(system.start))
+    reduced = before.reduced.add([equation.with_name(system, first, second)], len(system.start))
     left = reduced.matrix[-1]
     ranked = rank_followers(system, np.flatnonzero(left).tolist(), second, first, hazard.variable, found.is_radial(hazard))
     follower = next((v for v in ranked if system.is_plain(left / left[v])), None)
@@ -116,13 +116,17 @@ class _Distance(NamedTuple):
     value: float
     word: str
 
-    def with_name(self, system: LinearSystem, leaf: int) -> Row:
-        """The equation; its name is one of a leaf, whose walls that are as thick share it."""
+    def with_name(self, system: LinearSystem, first: int, leaf: int) -> Row:
+        """The equation; its name is one of a leaf, whose walls that are as thick share it, and so do gaps beside the `first` leaf."""
         if abs(self.value) <= UNNAMED * system.length:
             return self.row
-        alike = (v for v, said in enumerate(system.extras, system.extra) if said == (leaf, WALL) and self.word == WALL)
-        same = (v for v in alike if abs(system.start[v] - abs(self.value)) <= SLACK * system.length)
+        alike = (v for v, said in enumerate(system.extras, system.extra) if said == (leaf, self.word))
+        if self.word == GAP:
+            alike = (v for v in alike if system.gaps.get(v) == first)
+        same = (v for v in alike if self.word in (GAP, WALL) and abs(system.start[v] - abs(self.value)) <= SLACK * system.length)
         name = next(same, None) or system.new(leaf, self.word, abs(self.value))
+        if self.word == GAP:
+            system.gaps[name] = first
         return sum_rows((self.row, 1.0), ({name: 1.0}, -1.0 if self.value > 0 else 1.0))
 
 

@@ -10,7 +10,7 @@ by as much as they do, and what stands on something stays on it (`seats`).
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +22,7 @@ from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
 from imdim.export.outline_joints import sum_rows
 from imdim.export.outline_rows import Drawn, add_outlines
+from imdim.export.outline_walls import EXACT
 from imdim.export.own_directions import find_own_directions
 from imdim.export.reduction import ZERO, Reduced
 from imdim.export.repeat_rows import add_repeats
@@ -30,6 +31,7 @@ from imdim.export.round_seats import seats_at_rounds
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
 from imdim.export.seen import HAIR, SeenPlanes, find_hidden_ends
 from imdim.export.tilted_cuts import pass_aslant
+from imdim.export.twins import find_twins
 from imdim.export.wall_seats import FlatWall, seats_at_walls
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
@@ -54,7 +56,9 @@ class LinearSystem:
     `places` such for the coordinates of its centre alone, or, if they say so, for the spacing of the row or grid that begins with it, and
     `reaches` such for its sizes, once its place is known.
     `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
-    turned ones whose centre is at half of it. `angles` are variables in degrees, `on_circles` the places of what stands on a circle.
+    turned ones whose centre is at half of it. `angles` are variables in degrees, `on_circles` the places of what stands on a circle. Leaves
+    that `twins` gives one number are as deep or as high as each other by one name, where they are so now; `gaps` has for each variable of
+    one the other leaf.
     """
 
     start: list[float]
@@ -71,6 +75,8 @@ class LinearSystem:
     heights: dict[int, int] = field(default_factory=dict)
     angles: set[int] = field(default_factory=set)
     on_circles: set[int] = field(default_factory=set)
+    twins: Mapping[int, int] = field(default_factory=dict)
+    gaps: dict[int, int] = field(default_factory=dict)
 
     @staticmethod
     def of(
@@ -93,6 +99,7 @@ class LinearSystem:
             add_repeats(system, folded, parts, sign, fixed)
         system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded, sign)
         sources = add_diameters(system, parts, folded)
+        system.twins = find_twins(constraints, parts, EXACT * system.length)
         system.rows += bind_plugs(parts, sources)
         whole = program if delivered is None else delivered
         hidden = find_hidden_ends(whole)
@@ -248,8 +255,16 @@ class LinearSystem:
         """An end of a leaf stays as far from a face as it is: `row` is how far."""
         if word:
             away = sum(factor * self.start[v] for v, factor in row.items())
-            row[self.new(leaf, word, abs(away))] = -math.copysign(1.0, away)
+            row[self._share_end(leaf, word, abs(away))] = -math.copysign(1.0, away)
         self.ties.append((leaf, row))
+
+    def _share_end(self, leaf: int, word: str, value: float) -> int:
+        """The variable that says how deep or how high a leaf is, that of a twin that is so, too."""
+        named = ((v, other) for v, (other, its) in enumerate(self.extras, self.extra) if its == word)
+        twin = self.twins.get(leaf)
+        alike = (v for v, other in named if twin is not None and self.twins.get(other) == twin)
+        same = next((v for v in alike if abs(self.start[v] - value) <= EXACT * self.length), None)
+        return self.new(leaf, word, value) if same is None else same
 
     def _add_places(self, found: Iterable[Tie]) -> None:
         """Where features lie from their datums; ties of one key share a name."""
