@@ -155,3 +155,14 @@ def test_what_follows_by_a_quarter_follows():
             leaf.center[2] - side * leaf.size[1] / 2 for leaf, side in zip(list(leaves(changed.program))[1:], (-1, 1), strict=True)
         )
         assert high - low == pytest.approx(changed.values[web]), name
+
+
+def test_a_hole_aslant_stays_below_a_groove():
+    """By a millimetre, as seen along the vertical: how far a cylinder reaches there does not depend on which way it lies across."""
+    block = Primitive("box", (60.0, 60.0, 40.0), (0.0, 0.0, 20.0))
+    hole = Primitive("cylinder", (6.0, 100.0), (0.0, 0.0, 25.0), (0.0, 90.0, 60.0))
+    groove = Primitive("box", (10.0, 70.0, 10.0), (0.0, 0.0, 37.0))
+    part = _read(Combine("difference", Combine("difference", block, hole), groove))
+    for name, value in part.values.items():
+        for factor in (0.9, 1.1):
+            assert census_of(solid_of(change_values(part, {name: factor * value}))).kind == (1, 1, 0), name

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from tests.export.test_collisions import _read, _rectangle
 from tests.export.test_outlines import opened
 
 from imdim.export.edit import change_values, solid_of
@@ -168,6 +169,63 @@ def test_a_plug_has_the_radius_of_its_hole():
     assert [value for name, value in part.values.items() if name.endswith("diameter")] == [10.0, 10.0]
     _, wider, filled, still = leaves(change_values(part, {"hole_diameter": 12.0}).program)
     assert (wider.size[0], filled.size[0], still.size[0]) == (6.0, 6.0, 5.0)
+
+
+def test_a_plug_in_a_hole_aslant_has_its_radius_and_its_height():
+    across = (0.0, 90.0, 60.0)
+    body, hole = Primitive("box", (60.0, 60.0, 40.0)), Primitive("cylinder", (5.0, 90.0), (0.0, 0.0, 3.0), across)
+    plug = Primitive("cylinder", (5.0, 6.0), (0.0, 0.0, 3.0), across)
+    part = _read(Combine("union", Combine("difference", body, hole), plug))
+    assert [value for name, value in part.values.items() if name.endswith("diameter")] == [10.0]
+    for name, value in part.values.items():
+        _, hole, plug = leaves(change_values(part, {name: 1.1 * value}).program)
+        assert (hole.size[0], hole.center[2]) == (plug.size[0], plug.center[2]), name
+
+
+def _place(part, corner):
+    return [part.center[axis] + corner[axis] for axis in (0, 1)]
+
+
+def test_what_is_drawn_on_corners_of_another_drawing_stays_there():
+    """A pocket whose walls lean as those of the window in its floor do, with three corners in common."""
+    window = ((-8.0, -6.0, 0.0), (7.0, -4.0, 0.0), (8.0, 1.1, 0.41), (6.9, 2.3, 0.0), (-6.0, 5.0, 0.0))
+    outer = ((-30.0, -20.0, 0.0), (30.0, -20.0, 0.0), (30.0, 20.0, 0.0), (0.0, 24.0, 0.0), (-30.0, 20.0, 0.0))
+    plate = Primitive("extrude", (6.0,), (0.0, 0.0, 3.0), outline=Outline((outer, window)))
+    pocket = Primitive(
+        "extrude",
+        (4.0,),
+        (10.0, 4.0, 5.0),
+        outline=Outline((((-18.0, -10.0, 0.0), (-3.0, -8.0, 0.0), (4.0, 9.0, 0.0), (-16.0, 1.0, 0.0)),)),
+    )
+    part = _read(Combine("difference", plate, pocket))
+    for name, value in part.values.items():
+        for factor in (0.9, 1.1):
+            plate, pocket = leaves(change_values(part, {name: factor * value}).program)
+            inner, own = plate.outline.loops[1], pocket.outline.loops[0]
+            for i, j in ((0, 0), (1, 1), (4, 3)):
+                assert _place(plate, inner[i]) == pytest.approx(_place(pocket, own[j])), name
+
+
+def _rounded(before, corner, after, radius):
+    """The two vertices by which an arc rounds a corner on the right-hand side of the way there."""
+    (ux, uy), (vx, vy) = ([(q - p) / math.dist(corner, at) for p, q in zip(corner, at, strict=True)] for at in (before, after))
+    half = math.acos(ux * vx + uy * vy) / 2
+    far = radius / math.tan(half)
+    bulge = math.tan((math.pi / 2 - half) / 2)
+    return (corner[0] + far * ux, corner[1] + far * uy, bulge), (corner[0] + far * vx, corner[1] + far * vy, 0.0)
+
+
+def test_corners_in_one_place_that_are_rounded_alike_stay_so():
+    tip, low, high = (17.0, -4.0), (-8.0, -6.0), (-6.0, 9.0)
+    window = ((*low, 0.0), *_rounded(low, tip, high, 2.0), (*high, 0.0))
+    plate = Primitive("extrude", (6.0,), (0.0, 0.0, 3.0), outline=Outline((_rectangle(-30.0, 30.0, -20.0, 20.0), window)))
+    pocket = ((-10.0, 9.0, 0.0), (-8.0, -6.0, 0.0), *_rounded(low, tip, high, 2.0), (*high, 0.0))
+    part = _read(Combine("difference", plate, Primitive("extrude", (4.0,), (0.0, 0.0, 5.0), outline=Outline((pocket,)))))
+    (name,) = (name for name, value in part.values.items() if value == pytest.approx(2.0) and name.endswith("radius"))
+    plate, pocket = leaves(change_values(part, {name: 3.0}).program)
+    inner, own = plate.outline.loops[1], pocket.outline.loops[0]
+    assert [*inner[1], *inner[2]] == pytest.approx([*own[2], *own[3]])
+    assert inner[1][:2] == pytest.approx(_rounded(low, tip, high, 3.0)[0][:2])
 
 
 def test_a_hole_goes_through_what_is_seen_of_a_nut():

@@ -58,15 +58,13 @@ def find_contacts(system: LinearSystem, program: Program, seen: SeenPlanes) -> I
         known[patch.axis, level].append((patch, shown))
 
 
-def find_own_numbers(system: LinearSystem, leaf: int, row: Row) -> list[int]:
-    """The variables by which a face of a leaf may follow another one: its place, its size, and of a drawing the lines, those that say
+def find_own_numbers(system: LinearSystem, leaf: int) -> list[int]:
+    """The variables by which a face of a leaf may follow another one: its place, its size, and of its drawing the lines, those that say
     least else first."""
-    lines = [
-        v
-        for v in row
-        if v >= system.extra and system.leaf_of(v) == leaf and ROUND.isdisjoint(system.extras[v - system.extra][1].split("_"))
-    ]
-    return [*(6 * leaf + c for c in (5, 4, 3, 2, 1, 0)), *sorted(lines, reverse=True)]
+    extras = range(system.extra, len(system.start))
+    own = (v for v in extras if system.leaf_of(v) == leaf)
+    lines = [v for v in own if ROUND.isdisjoint(system.extras[v - system.extra][1].split("_"))]
+    return [*(6 * leaf + c for c in (5, 4, 3, 2, 1, 0)), *reversed(lines)]
 
 
 def list_flat_faces(system: LinearSystem, program: Program) -> Iterator[FlatFace]:

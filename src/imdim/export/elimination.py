@@ -18,6 +18,7 @@ import numpy as np
 from imdim.export.chance import rest_on_faces
 from imdim.export.clip_seats import seats_at_clips
 from imdim.export.contacts import find_contacts, find_own_numbers
+from imdim.export.corner_contacts import find_corner_contacts
 from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
 from imdim.export.outline_joints import sum_rows
@@ -143,7 +144,10 @@ class LinearSystem:
                 system.ties.append((own.leaf, sum_rows((system.place_of_end(own), 1.0), (system.place_of_end(other), -1.0))))
         # both about their middles, so that neither end of the cut falls behind
         system.ties += [(cut, {6 * cut + c: 1.0, 6 * leaf + d: -1.0}) for (cut, c), (leaf, d) in pass_aslant(program)]
-        system.contacts = list(find_contacts(system, program, SeenPlanes(whole, HAIR))) if system.walls else []
+        if system.walls:
+            at_corners, as_round = find_corner_contacts(system, program)
+            system.contacts = [*find_contacts(system, program, SeenPlanes(whole, HAIR)), *at_corners]
+            system.rows += as_round
         if len(parts) <= MOST_PLACED:
             system._add_places(ties(program, constraints, hidden))
             system._hold_places(parts, numbers)
@@ -160,7 +164,7 @@ class LinearSystem:
         for v, i in self._plain_pivots(reduced.matrix, self._order()):
             reduced.solve_for(v, i)
         own = [sorted(range(6 * leaf, 6 * leaf + 6), key=lambda v: (v % 6 < 3, -v)) for leaf, _ in self.ties]
-        own += [find_own_numbers(self, leaf, row) for leaf, row in self.contacts]
+        own += [find_own_numbers(self, leaf) for leaf, _ in self.contacts]
         for i, among in enumerate(own, start=len(self.rows)):
             self._solve_for_first(reduced, i, among)
         return reduced

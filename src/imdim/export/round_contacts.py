@@ -9,7 +9,7 @@ import numpy as np
 
 from imdim.export.outline_joints import Row
 from imdim.export.outline_walls import EXACT
-from imdim.export.seats import End, ends_of, place_of, world_axis
+from imdim.export.seats import ALIGNED, End, ends_of, place_of
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation
 from imdim.program.roles import signs
@@ -19,19 +19,22 @@ HAIR = 1e-3  # of the largest size, by which people let stacked parts overlap
 
 
 def bind_plugs(parts: Sequence[Primitive], sources: Sequence[int]) -> Iterator[Row]:
-    """Equal radii and places of cylinders along a world axis that have one wall and meet in it; copies follow their `sources`."""
+    """Equal radii of cylinders that have one wall and meet in it, and equal places along the world's axes across theirs; copies follow
+    their `sources`."""
     slack = EXACT * longest(parts)
-    level = [(i, world_axis(exact_rotation(p)[:, 2])) for i, p in enumerate(parts) if p.kind == "cylinder" and sources[i] == i]
-    for (a, axis), (b, other) in combinations(level, 2):
-        if axis is not None and axis == other and _meet(parts[a], parts[b], axis, slack):
+    rounds = [(i, exact_rotation(p)[:, 2]) for i, p in enumerate(parts) if p.kind == "cylinder" and sources[i] == i]
+    for (a, along), (b, other) in combinations(rounds, 2):
+        if abs(along @ other) > 1 - ALIGNED**2 and _meet(parts[a], parts[b], along, slack):
             yield {6 * a: 1.0, 6 * b: -1.0}
-            yield from ({6 * a + 3 + i: 1.0, 6 * b + 3 + i: -1.0} for i in range(3) if i != axis)
+            yield from ({6 * a + 3 + i: 1.0, 6 * b + 3 + i: -1.0} for i in range(3) if abs(along[i]) <= ALIGNED)
 
 
-def _meet(a: Primitive, b: Primitive, axis: int, slack: float) -> bool:
-    apart = np.abs(np.subtract(a.center, b.center))
-    along, apart[axis] = float(apart[axis]), 0.0
-    return bool(abs(a.size[0] - b.size[0]) <= slack and apart.max() <= slack and along <= (a.size[1] + b.size[1]) / 2 + slack)
+def _meet(a: Primitive, b: Primitive, along: np.ndarray, slack: float) -> bool:
+    """Whether two cylinders along a unit vector [3] share a wall."""
+    apart = np.subtract(a.center, b.center)
+    off = float(apart @ along)
+    aside = np.abs(apart - off * along).max()
+    return bool(abs(a.size[0] - b.size[0]) <= slack and aside <= slack and abs(off) <= (a.size[1] + b.size[1]) / 2 + slack)
 
 
 def find_stacked(program: Program, sources: Sequence[int]) -> Iterator[tuple[End, End]]:

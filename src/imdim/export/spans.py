@@ -12,7 +12,7 @@ from imdim.export.contacts import list_flat_faces
 from imdim.export.drawn_vertex import DrawnVertex
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.outline_rows import Sum
-from imdim.export.seats import reach_of, world_axis
+from imdim.export.seats import ALIGNED, reach_of, world_axis
 from imdim.export.seen import HAIR, SeenPlanes, find_seen_reach
 from imdim.export.seen_walls import find_hidden_walls
 from imdim.geometry.solid import exact_rotation
@@ -76,15 +76,14 @@ def _list_whole(system: LinearSystem, program: Program) -> Iterator[Span]:
 
 
 def _list_round_spans(system: LinearSystem, program: Program) -> Iterator[Span]:
-    """Of cylinders along a world axis, which are measured to their axes."""
+    """Of cylinders across those axes of the world that theirs is square to; they are measured to their axes."""
     for leaf, part in enumerate(leaves(program)):
         turn = exact_rotation(part)
-        along = world_axis(turn[:, 2]) if part.kind in ROUND else None
-        if along is None:
+        if part.kind not in ROUND:
             continue
         low, high = reach_of(part, turn)
         column = max(range(len(part.size) - 1), key=lambda c: part.size[c])
-        for axis in (a for a in range(3) if a != along):
+        for axis in (a for a in range(3) if abs(turn[a, 2]) <= ALIGNED):
             centre, rim = {6 * leaf + 3 + axis: 1.0}, {6 * leaf + column: 1.0}
             at = part.center[axis], centre
             yield Span(leaf, axis, low, high, (sum_rows((centre, 1.0), (rim, -1.0)), sum_rows((centre, 1.0), (rim, 1.0))), (at, at))
@@ -154,6 +153,11 @@ class LevelDrawing(NamedTuple):
             low[axis] = high[axis] = self._place(k, number)
             at, row = (self._place(k, datum), self._row(k, datum)), self._row(k, number)
             yield Span(self.leaf, axis, low, high, (row, row), (at, at), only=only)
+
+    def place_corner(self, vertex: DrawnVertex[Sum]) -> tuple[dict[int, float], dict[int, Row]]:
+        """Where a vertex lies along the world's axes that the drawing has, and the rows that say so."""
+        both = [(axis, k, number) for (k, axis), number in zip(enumerate(self.axes), (vertex.x, vertex.y), strict=True)]
+        return {axis: self._place(k, n) for axis, k, n in both}, {axis: self._row(k, n) for axis, k, n in both}
 
     def _place(self, k: int, number: Sum) -> float:
         axis = self.axes[k]

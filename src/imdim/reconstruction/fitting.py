@@ -26,7 +26,7 @@ from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.rounding import SNAP_CHANGE
 from imdim.relations.discover import exact_relations, hold_constraints
-from imdim.relations.residuals import rows_of
+from imdim.relations.residuals import holding, rows_of
 from imdim.target.target import Frame, Target
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
@@ -55,13 +55,14 @@ def fit_numbers(program: Program, seen: Observation, deadline: Deadline = NEVER)
 
 def find_relations(program: Program, target: Target, found: Sequence[Constraint] | None = None, deadline: Deadline = NEVER) -> Related:
     """The relations of a finished program: those that its own numbers support or, where noise hides them, those `found` in the points
-    before its numbers were rounded. None once time is out, and none that would change the solid."""
+    before its numbers were rounded. None once time is out; where they would change the solid, since they move walls that coincide by a
+    hair, those that the numbers meet as they are."""
     if deadline.has_passed():
         return program, ()
     if found is not None:
         return _hold(program, found, subsample(target.points, SHOWN))
     exact, constraints = relations_of(program, deadline)
-    return (exact, constraints) if is_same(program, exact) else (program, ())
+    return (exact, constraints) if is_same(program, exact) else (program, holding(program, constraints))
 
 
 def _hold(program: Program, found: Sequence[Constraint], points: np.ndarray) -> Related:
