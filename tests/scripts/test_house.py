@@ -7,18 +7,23 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts" / "bench"))
 
 import house
+import pytest
 
-MODULES = house.parse_modules(house.SOURCE)
 MOST_DOUBLED, MOST_PARTICIPLES = 1, 6
 MOST_CONVERSIONS = 6  # the front and the rounding of numbers, which are judged in both frames, and the lab, which has no other door
 
 
-def test_a_class_name_means_one_thing():
-    assert len(house.doubled_classes(MODULES)) <= MOST_DOUBLED
+@pytest.fixture(scope="module")
+def modules():
+    return house.parse_modules(house.SOURCE)
 
 
-def test_public_functions_are_verbs():
-    public = [name for name in house.participle_functions(MODULES) if not house.is_private(name)]
+def test_a_class_name_means_one_thing(modules):
+    assert len(house.doubled_classes(modules)) <= MOST_DOUBLED
+
+
+def test_public_functions_are_verbs(modules):
+    public = [name for name in house.participle_functions(modules) if not house.is_private(name)]
     assert len(public) <= MOST_PARTICIPLES, public
 
 
@@ -31,8 +36,8 @@ def test_no_row_of_the_layers_lets_neighbours_import_each_other():
     assert house.count_open_rows(house.ROOT / "pyproject.toml") == 0
 
 
-def test_a_module_says_in_one_line_what_it_is():
-    assert house.without_sentence(MODULES) == []
+def test_a_module_says_in_one_line_what_it_is(modules):
+    assert house.without_sentence(modules) == []
 
 
 def test_what_breaks_a_rule_is_seen(tmp_path):
