@@ -11,7 +11,9 @@ from imdim.app.deferred import SELDOM, defer_modules
 with defer_modules():
     import imdim.reconstruction.pipeline, imdim.delivery.deliver, trimesh, trimesh.nsphere
 def loaded():
-    return [name for name in ("networkx.algorithms", "scipy.ndimage._ndimage_api", "scipy.optimize._optimize") if name in sys.modules]
+    names = "networkx.algorithms", "numpy.f2py.f2py2e", "yaml.loader"
+    names += "scipy.ndimage._ndimage_api", "scipy.optimize._optimize", "scipy.special._basic"
+    return [name for name in names if name in sys.modules]
 assert not loaded(), loaded()
 assert not set(SELDOM) & set(sys.modules)
 """
@@ -19,12 +21,13 @@ USED = {
     "by those that took a function": """
 ball = trimesh.creation.icosphere(subdivisions=1)
 center, radius, error = trimesh.nsphere.fit_nsphere(ball.vertices)
-assert abs(radius - 1) < 1e-9 and loaded() == ["scipy.optimize._optimize"]
+assert abs(radius - 1) < 1e-9 and loaded() == ["scipy.optimize._optimize", "scipy.special._basic"]
 """,
     "by those that took the module": """
 from imdim.search.mdl.curve_tracing import ndimage
 import numpy as np
-assert ndimage.binary_fill_holes(np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])).all() and loaded() == ["scipy.ndimage._ndimage_api"]
+assert ndimage.binary_fill_holes(np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])).all()
+assert loaded() == ["scipy.ndimage._ndimage_api", "scipy.special._basic"]
 """,
     "by trimesh": """
 mesh = trimesh.creation.box()
@@ -32,11 +35,22 @@ mesh.faces[0] = mesh.faces[0][::-1]
 mesh.fix_normals()
 assert mesh.is_winding_consistent and mesh.volume == 1
 """,
+    "by relations in noise": """
+import math
+from imdim.relations.discover import gammaincinv
+assert abs(gammaincinv(1.0, 0.5) - math.log(2)) < 1e-12 and loaded() == ["scipy.special._basic"]
+""",
+    "as what its package holds": """
+import numpy, scipy
+assert callable(numpy.f2py.get_include) and callable(scipy.special.erf) and loaded() == ["numpy.f2py.f2py2e", "scipy.special._basic"]
+""",
     "by those that import it later": """
-import networkx
-from scipy import ndimage, optimize
+import networkx, yaml
+from numpy import f2py
+from scipy import ndimage, optimize, special
 from scipy.optimize import milp
-assert networkx.Graph.__name__ == "Graph" and isinstance(optimize.Bounds, type) and len(loaded()) == 3
+assert networkx.Graph.__name__ == "Graph" and isinstance(optimize.Bounds, type) and len(loaded()) == 6
+assert yaml.safe_load("a: 1") == {"a": 1}
 """,
 }
 

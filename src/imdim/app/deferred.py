@@ -10,7 +10,9 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
 
-SELDOM = ("networkx", "scipy.ndimage", "scipy.optimize")  # a fifth of a second, for graphs, films of samples and proofs
+# a quarter of a second: for graphs, Fortran (scipy goes through all that numpy has), films of samples, proofs, relations in noise, and
+# numba's settings
+SELDOM = ("networkx", "numpy.f2py", "scipy.ndimage", "scipy.optimize", "scipy.special", "yaml")
 
 
 @contextmanager
@@ -19,14 +21,31 @@ def defer_modules(names: Sequence[str] = SELDOM) -> Iterator[None]:
     used; what is imported after it gets the real ones. What is taken out of one in the block has to be something to call."""
     found = {name: find_spec(name) for name in names if name not in sys.modules}
     deferred = {name: _DeferredModule(name, spec.submodule_search_locations) for name, spec in found.items() if spec is not None}
-    sys.modules.update(deferred)
+    for name, module in deferred.items():
+        _bind(name, module)
     try:
         yield
     finally:
         for name, module in deferred.items():
             module.is_over = True
-            if sys.modules.get(name) is module:
-                del sys.modules[name]
+            _unbind(name, module)
+
+
+def _bind(name: str, module: ModuleType) -> None:
+    """As an import does: among the modules, and as what the package that holds it calls so."""
+    sys.modules[name] = module
+    package, _, own = name.rpartition(".")
+    if package:
+        setattr(sys.modules[package], own, module)
+
+
+def _unbind(name: str, module: ModuleType) -> None:
+    """Undo `_bind`, unless the module was loaded since."""
+    if sys.modules.get(name) is module:
+        del sys.modules[name]
+    package, _, own = name.rpartition(".")
+    if package and vars(sys.modules[package]).get(own) is module:
+        delattr(sys.modules[package], own)
 
 
 class _DeferredModule(ModuleType):

@@ -52,10 +52,10 @@ class Track:
         """Points [k n, 3] as `at` gives for lengths or angles [n] and each of some `ways` [k, 2] in turn."""
         if not self.is_round:
             along = self.origin + t[:, None] * self.frame[:, 2]
-            return np.concatenate([along + np.broadcast_to(way, (len(t), 2)) @ self.frame[:, :2].T for way in ways])
-        cosine, sine = np.cos(t), np.sin(t)
-        local = [np.stack([(self.radius + x) * cosine, (self.radius + x) * sine, np.full(len(t), y)], axis=1) for x, y in ways]
-        return np.concatenate([self.origin + some @ self.frame.T for some in local])
+            return (along + (ways @ self.frame[:, :2].T)[:, None]).reshape(-1, 3)
+        radii, local = self.radius + ways[:, :1], np.empty((len(ways), len(t), 3))
+        local[..., 0], local[..., 1], local[..., 2] = radii * np.cos(t), radii * np.sin(t), ways[:, 1:]
+        return self.origin + local.reshape(-1, 3) @ self.frame.T
 
 
 class Interval(NamedTuple):

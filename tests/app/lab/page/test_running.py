@@ -69,9 +69,9 @@ def test_an_evolution_goes_on_from_an_edited_program(done):
     done.press("Search on from this program")
     done.says("continue: evolve")
     done.says("primitives7")  # a child has a hole where one is missing
-    done.press("Stop")
+    done.keys("x")  # on a busy machine it is good enough, and ends, before that
     done.says("ready")
-    done.says("continue: evolve (")  # stopped, or it was good enough before
+    assert done.status("stage").startswith("continue: ")
     assert done.status("primitives") == "7", "what was found so far stays"
     done.box("Seconds").fill("60")
     done.press_folder("Search on from here")
