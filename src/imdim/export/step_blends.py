@@ -158,7 +158,7 @@ class _State:
         self._blended: list[BlendedEdge] = []
         self._known: np.ndarray | None = None
         self._volume, self._solid = shape_volume(shape, VOLUME_ERROR), to_manifold(program)
-        self._exact = self._solid.volume()
+        self._exact, self._pieces = self._solid, frozenset[BlendSolid]()
         self._slack = ROUNDING * longest(leaves(program))
 
     def blend(self, stretches: Sequence[BlendedEdge]) -> bool:
@@ -170,13 +170,23 @@ class _State:
         if shape is None or solids_in(shape) != solids_in(before) or not ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid():
             return False
         after = [*self._blended, *stretches]
-        exact = _blended(self._solid, sweep_blends(after)).volume()
-        volume, expected = shape_volume(shape, VOLUME_ERROR), exact - self._exact
+        pieces = sweep_blends(after)
+        exact, volume = self._add_exactly(pieces), shape_volume(shape, VOLUME_ERROR)
+        expected = exact.volume() - self._exact.volume()
         allowed = OFF * abs(expected) + _corner_volume(stretches, after) + NOISE * volume
         if abs(volume - self._volume - expected) > allowed:
             return False
-        self.shape, self._blended, self._volume, self._exact, self._known = shape, after, volume, exact, None
+        self.shape, self._blended, self._volume, self._known = shape, after, volume, None
+        self._exact, self._pieces = exact, frozenset(pieces)
         return True
+
+    def _add_exactly(self, pieces: Sequence[BlendSolid]) -> Manifold:
+        """The exact solid with some pieces, those that it has among them: only where something is filled in after cuts are these done
+        anew."""
+        more = [piece for piece in pieces if piece not in self._pieces]
+        if all(piece.cuts for piece in more) or not any(piece.cuts for piece in self._pieces):
+            return _blended(self._exact, more)
+        return _blended(self._solid, pieces)
 
     def _places(self) -> np.ndarray:
         """The points of the shape's edges, which those of its copies have too, in the same order."""
