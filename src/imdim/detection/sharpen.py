@@ -136,16 +136,17 @@ def _other_planes(mesh: trimesh.Trimesh, of_blend: np.ndarray, carriers: dict[in
     others = np.flatnonzero(~of_blend & np.isin(mesh.faces, list(carriers)).any(axis=1))
     # each look at an array of the mesh asks whether it has changed
     corners, faces, facing = np.asarray(mesh.vertices), np.asarray(mesh.faces), np.asarray(mesh.face_normals)
+    facing_of: dict[int, list[np.ndarray]] = {}  # how the sides of its blends face at a vertex, which many triangles share
     for t in others:
-        normal, point = facing[t], corners[faces[t]].mean(0)
-        for vertex in faces[t]:
-            beside = carriers.get(int(vertex))
+        normal = facing[t]
+        for vertex in faces[t].tolist():
+            beside = carriers.get(vertex)
             if beside is None:
                 continue
-            at = corners[vertex][None]
-            along = [abs(float(normals(f, at)[0] @ normal)) for f in beside]
-            if max(along) < 0.95:
-                yield int(vertex), Surface("plane", tuple(point.tolist()), tuple(normal.tolist()))
+            if vertex not in facing_of:
+                facing_of[vertex] = [normals(f, corners[vertex][None])[0] for f in beside]
+            if max(abs(float(side @ normal)) for side in facing_of[vertex]) < 0.95:
+                yield vertex, Surface("plane", tuple(corners[faces[t]].mean(0).tolist()), tuple(normal.tolist()))
 
 
 def _onto(points: np.ndarray, faces: Sequence[Surface]) -> np.ndarray:
