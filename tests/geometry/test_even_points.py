@@ -1,5 +1,7 @@
 """Even points as compiled loops draw them: those of the maps that array operations follow, place by place."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.planted import PARTS, box, cone, cut, cylinder, sphere, union
@@ -94,6 +96,29 @@ def test_each_program_holds_what_it_holds_alone():
     own = np.concatenate([held[a:b] for held, a, b in zip(alone, ranges, ranges[1:], strict=False)])
     assert (kernels.inside_each(parts, points, ranges) == own).all()
     assert kernels.inside_each([], points).shape == (0, 5000)
+
+
+def test_what_lies_beside_a_part_is_told_without_a_look_at_it():
+    """Points that lie near each other are ruled out together by a box about each leaf: no box may be too small."""
+    rng = np.random.default_rng(1)
+    turned = {"center": (1.0, -2.0, 0.5), "rotation": (25.0, -40.0, 70.0)}
+    big = ((0.0, -2.0, 0.0), (1.0, -2.0, 3.0), (1.0, 2.0, 0.0), (0.0, 2.0, 0.0))  # an arc of more than half a turn
+    low = ((2.0, -1.0, 0.0), (4.0, -1.0, 0.6), (4.0, 1.0, 0.0), (2.0, 1.0, -0.4))
+    outlines = [Outline((big,)), Outline((low,)), Outline((Ellipse(3.0, 1.0, 3.5, 0.0, 30.0),))]
+    drawn = [
+        Primitive("extrude", (3.0,), outline=outlines[0], **turned),
+        Primitive("extrude", (3.0,), outline=outlines[2], **turned),
+        *(Primitive("revolve", (angle,), outline=outlines[1], **turned) for angle in (90.0, 360.0)),
+    ]
+    parts = [replace(p, **turned) for p in PARTS.values() if isinstance(p, Primitive)] + drawn
+    parts += [cut(parts[0], parts[1]), union(parts[2], parts[-1])]
+    points = rng.uniform(-9.0, 9.0, (20_000, 3))
+    points = points[np.lexsort(np.floor(points.T / 3))]  # cube after cube
+    for part, held in zip(parts, kernels.inside_each(parts, points), strict=True):
+        exact = kernels.program_sdf(part, points) < 0
+        assert (held == exact).all()
+        assert (kernels.inside(part, points) == exact).all()
+        assert held.any()
 
 
 def test_what_is_near_is_in_cells_beside():

@@ -1,5 +1,6 @@
 """Noisy clouds through the pipeline: judged by how likely they are, whatever the cells say."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -105,7 +106,7 @@ def test_what_detection_missed_is_seen_in_the_points():
 def test_searches_start_from_one_part_of_each_kind_and_from_a_program_and_the_shortest_is_told(monkeypatch):
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
     starts = []
-    monkeypatch.setattr(mdl, "shorten", lambda likely, *_: starts.append(likely.program) or iter(()))
+    monkeypatch.setattr(mdl, "shorten", lambda likely, *_, **__: starts.append(likely.program) or iter(()))
     found = told([truth], cloud(truth), NEVER, anew=False)
     # from the shortest with what the others found, and as if there was less noise
     assert [count(p).primitives for p in starts] == [1, 3, 3, 3]
@@ -133,7 +134,7 @@ def test_what_two_wrong_parts_explain_together_is_taken_out_and_looked_for_anew(
     start, best = (mdl._fit(program, noisy.quick, noisy._noise, NEVER) for program in (wrong, truth))
     begun = []
 
-    def add_a_rib(likely, *_):
+    def add_a_rib(likely, *_, **__):
         begun.append(likely.program)
         return iter([(best, noisy._length(best))] if count(likely.program).primitives == 1 else [])
 
@@ -145,6 +146,23 @@ def test_what_two_wrong_parts_explain_together_is_taken_out_and_looked_for_anew(
     assert noisy._rebuild(start, [], PASSED) is start
 
 
+def test_leaves_are_looked_for_anew_until_neither_that_nor_a_single_change_shortens(monkeypatch):
+    noisy = mdl._NoisyCloud.of(cloud(box(60, 40, 4), 0.004, n=1000), 0.29, np.eye(3), drawn=False)
+    start = mdl._fit(box(60, 40, 4), noisy.quick, noisy._noise, NEVER)
+    better, best = replace(start, nll=start.nll - 1), replace(start, nll=start.nll - 2)
+    rebuilt, shortened = [], {start.nll: [better], better.nll: [], best.nll: []}
+
+    def rebuild(_, likely, *__):
+        rebuilt.append(likely)
+        return best if likely is better else likely
+
+    monkeypatch.setattr(mdl._NoisyCloud, "_rebuild", rebuild)
+    monkeypatch.setattr(mdl, "shorten", lambda likely, *_, **__: iter([(p, p.nll) for p in shortened[likely.nll]]))
+    assert noisy._rebuild_and_shorten(start, [], NEVER) is best
+    assert rebuilt == [start, better]
+    assert noisy._rebuild_and_shorten(start, [], PASSED) is start
+
+
 def test_skins_that_were_taken_for_one_are_told_apart_in_less_noise():
     """All walls of a frame with a flange are 2.7 deviations of the noise thick, which seems larger by half where nothing else is."""
     frame = cut(union(box(54, 80, 16), box(59.4, 85.4, 2.7, (0.0, 0.0, -6.65))), box(48.6, 74.6, 40))
@@ -152,12 +170,23 @@ def test_skins_that_were_taken_for_one_are_told_apart_in_less_noise():
     noisy = mdl._NoisyCloud.of(points, 1.43, np.eye(3), drawn=False)
     wrong = mdl._fit(cut(box(56, 82, 15.4), box(49.4, 75, 40)), noisy.quick, noisy._noise, NEVER)
     assert wrong.noise.sigma > 1.3
-    found = noisy._in_less_noise(wrong, [], NEVER)
-    assert found is not None
+    found, calmer = noisy._in_less_noise(wrong, [], NEVER)
+    assert calmer
     assert found.noise.sigma < 1.2
     assert noisy._length(found) < noisy._length(wrong) - 0.03
     block = mdl._NoisyCloud.of(cloud(box(60, 40, 20), 0.006, n=2000), 0.45, np.eye(3), drawn=False)
-    assert block._in_less_noise(mdl._fit(box(60, 40, 20), block.quick, block._noise, NEVER), [], NEVER) is None
+    told = mdl._fit(box(60, 40, 20), block.quick, block._noise, NEVER)
+    assert block._in_less_noise(told, [], NEVER) == (told, False)
+
+
+def test_what_a_search_in_less_noise_comes_to_is_kept_where_there_is_no_less():
+    truth = union(box(60, 40, 8), box(20, 40, 20, (-20.0, 0.0, 10.0)))
+    noisy = mdl._NoisyCloud.of(cloud(truth, 0.006, n=2500), 0.45, np.eye(3), drawn=False)
+    half = mdl._fit(box(60, 40, 8), noisy.quick, noisy._noise, NEVER)
+    found, calmer = noisy._in_less_noise(half, [*leaves(truth)], NEVER)
+    assert count(found.program).primitives == 2
+    assert noisy._length(found) < noisy._length(half) - 0.1
+    assert not calmer or found.noise.sigma < mdl.FALLEN * half.noise.sigma
 
 
 def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls_behind_is_given_up():
@@ -175,6 +204,9 @@ def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls
     lineages = [lineage("a", -1.0, -5.0, -5.2), lineage("b", 0.0, -4.0, -5.1, -5.3), lineage("c", -4.99, -4.995, -9.0)]
     assert [found.best for found in mdl._NoisyCloud._in_turn(lineages)] == ["b", "a", "c"]
     assert told_of == ["a", "b", "c", "a", "b", "b"]
+    # what wins little in a round is left where it is
+    slow = [lineage("d", -1.0, -5.0, -5.004, -9.0)]
+    assert mdl._NoisyCloud._in_turn(slow, slow=0.01)[0].length == -5.004
     cut = [lineage("a", -1.0, -5.0, -5.2), lineage("b", 0.0, -4.0, -5.1)]
     assert mdl._NoisyCloud._in_turn(cut, PASSED)[0].best == "a"
     assert cut[0].length == -1.0
@@ -184,7 +216,7 @@ def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls
 def test_where_time_cuts_the_first_searches_the_most_promising_goes_on_beside_the_shortest(monkeypatch, reached, going_on):
     truth, now, calls = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), [0.0], []
 
-    def in_turn(lineages, deadline):
+    def in_turn(lineages, deadline, *_):
         calls.append([lineage.length for lineage in lineages])
         if len(calls) == 1:
             (one, two), now[0] = lineages, reached
@@ -192,7 +224,7 @@ def test_where_time_cuts_the_first_searches_the_most_promising_goes_on_beside_th
             two.length, two.promised = -4.0, -9.0
         return lineages
 
-    monkeypatch.setattr(mdl, "shorten", lambda *_: iter(()))
+    monkeypatch.setattr(mdl, "shorten", lambda *_, **__: iter(()))
     monkeypatch.setattr(mdl._NoisyCloud, "_in_turn", staticmethod(in_turn))
     noisy = mdl._NoisyCloud.of(cloud(truth), 0.3, np.eye(3), drawn=False)
     noisy._search([truth], [*leaves(truth)], Deadline(10.0, lambda: now[0]))

@@ -19,6 +19,8 @@ from imdim.geometry.lowering import NO_OUTLINES, Lowered, Outlines, lower, pack_
 from imdim.program.tree import KINDS, SIMPLE, Primitive, Program, leaves
 
 BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE = range(len(KINDS))
+BLOCK = 256  # points that are looked at together
+LOOSE = 1e-9  # of its size and place, by which a box about a leaf is too large: rounding moves corners
 
 
 def leaf_table(kinds: np.ndarray, params: np.ndarray, points: np.ndarray, outlines: Outlines = NO_OUTLINES) -> np.ndarray:
@@ -565,32 +567,120 @@ def _fold_signs(code, table, stack, n):
                 left[j] = max(left[j], -right[j])
 
 
+@njit(nogil=True)
+def _fill_local_box(kind, s, curves, low, high):
+    """Write the corners [3] of a box about a leaf, along its own axes."""
+    x, y, z = s[0], s[0], s[0]
+    if kind == BOX:
+        x, y, z = s[0] / 2, s[1] / 2, s[2] / 2
+    elif kind == CYLINDER:
+        z = s[1] / 2
+    elif kind == CONE:
+        x, z = max(s[0], s[1]), s[2] / 2
+        y = x
+    elif kind == TORUS:
+        x, z = s[0] + s[1], s[1]
+        y = x
+    elif kind == ELLIPSOID:
+        y, z = s[1], s[2]
+    high[0], high[1], high[2] = x, y, z
+    low[0], low[1], low[2] = -x, -y, -z
+    if kind < EXTRUDE:
+        return
+    left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
+    for i in range(len(curves)):
+        ax, ay, ex, ey, bulge, cx, cy, radius = curves[i]
+        # an arc of half a turn or less leaves its chord by the height, a longer one and an ellipse lie about their centre
+        by = abs(bulge) * math.sqrt((ex - ax) ** 2 + (ey - ay) ** 2) / 2
+        if radius < 0.0:
+            ax, ay, by = cx, cy, -radius * max(1.0, abs(bulge))
+            ex, ey = cx, cy
+        elif abs(bulge) > 1.0:
+            ax, ay, ex, ey, by = cx, cy, cx, cy, radius
+        left, right = min(left, ax - by, ex - by), max(right, ax + by, ex + by)
+        bottom, top = min(bottom, ay - by, ey - by), max(top, ay + by, ey + by)
+    if kind == EXTRUDE:
+        low[0], low[1], low[2], high[0], high[1], high[2] = left, bottom, -s[0] / 2, right, top, s[0] / 2
+    else:
+        far = max(abs(left), abs(right))
+        low[0], low[1], low[2], high[0], high[1], high[2] = -far, -far, bottom, far, far, top
+
+
+@njit(nogil=True)
+def _find_boxes(kinds, sizes, centers, rotations, curves, spans):
+    """Low and high corners [k, 6] of boxes about the leaves."""
+    out, low, high = np.empty((len(kinds), 6)), np.empty(3), np.empty(3)
+    for i in range(len(kinds)):
+        _fill_local_box(kinds[i], sizes[i], _curves_of(i, kinds, curves, spans), low, high)
+        for a in range(3):
+            middle, reach = centers[i, a], 0.0
+            for c in range(3):
+                middle += rotations[i, a, c] * (low[c] + high[c]) / 2
+                reach += abs(rotations[i, a, c]) * (high[c] - low[c]) / 2
+            reach += LOOSE * (reach + abs(middle))
+            out[i, a], out[i, 3 + a] = middle - reach, middle + reach
+    return out
+
+
+@njit(nogil=True)
+def _find_block_boxes(points):
+    """Low and high corners [b, 6] of BLOCK points after another."""
+    out = np.empty((-(-len(points) // BLOCK), 6))
+    for b in range(len(out)):
+        for a in range(3):
+            out[b, a], out[b, 3 + a] = np.inf, -np.inf
+        for j in range(b * BLOCK, min((b + 1) * BLOCK, len(points))):
+            for a in range(3):
+                out[b, a], out[b, 3 + a] = min(out[b, a], points[j, a]), max(out[b, 3 + a], points[j, a])
+    return out
+
+
+@njit(nogil=True)
+def _are_apart(one, other):
+    apart = False
+    for a in range(3):
+        apart |= one[a] > other[3 + a] or other[a] > one[3 + a]
+    return apart
+
+
 @njit(nogil=True, cache=True)
-def _write_inside(code, first, kinds, sizes, centers, rotations, curves, spans, points, held):
-    """Write whether each of `points` [n, 3] lies within the program of instructions `code`, whose leaves begin with the one at `first`."""
-    n, block, deep = len(points), 1024, len(code) // 2 + 1
-    table, stack = np.empty((deep, block), np.int8), np.empty((deep, block), np.int8)
-    for start in range(0, n, block):
-        part = points[start : start + block]
-        xyz, row = np.ascontiguousarray(part.T), np.empty(len(part))
+def _write_inside(code, first, kinds, sizes, centers, rotations, curves, spans, boxes, points, blocks, held):
+    """Write whether each of `points` [n, 3] lies within the program of instructions `code`, whose leaves begin with the one at `first`.
+
+    What lies in none of the `boxes` about the leaves needs no look at them: `blocks` are the boxes about BLOCK points after another.
+    """
+    n, deep = len(points), len(code) // 2 + 1
+    table, stack = np.empty((deep, BLOCK), np.int8), np.empty((deep, BLOCK), np.int8)
+    xyz, row = np.empty((3, BLOCK)), np.empty(BLOCK)
+    for b in range(len(blocks)):
+        start, some, copied = b * BLOCK, min(BLOCK, n - b * BLOCK), False
         for k in range(deep):
             i = first + k
-            of = _curves_of(i, kinds, curves, spans)
+            if _are_apart(boxes[i], blocks[b]):
+                table[k, :some] = 1
+                continue
+            of, part = _curves_of(i, kinds, curves, spans), points[start : start + some]
             if kinds[i] >= EXTRUDE:
                 _fill_signs(kinds[i], sizes[i], of, centers[i], rotations[i], part, row)
             else:
-                _fill_row(kinds[i], sizes[i], of, centers[i], rotations[i], xyz[0], xyz[1], xyz[2], row)
-            for j in range(len(part)):
+                if not copied:
+                    for j in range(some):
+                        xyz[0, j], xyz[1, j], xyz[2, j] = part[j, 0], part[j, 1], part[j, 2]
+                    copied = True
+                xs, ys, zs = xyz[0, :some], xyz[1, :some], xyz[2, :some]
+                _fill_row(kinds[i], sizes[i], of, centers[i], rotations[i], xs, ys, zs, row[:some])
+            for j in range(some):
                 table[k, j] = -1 if row[j] < 0 else 1 if row[j] > 0 else 0
-        _fold_signs(code, table, stack, len(part))
-        for j in range(len(part)):
+        _fold_signs(code, table, stack, some)
+        for j in range(some):
             held[start + j] = stack[0, j] < 0
 
 
 @njit(nogil=True, cache=True)
 def _program_inside(code, kinds, sizes, centers, rotations, curves, spans, points):
     held = np.empty(len(points), np.bool_)
-    _write_inside(code, 0, kinds, sizes, centers, rotations, curves, spans, points, held)
+    boxes, blocks = _find_boxes(kinds, sizes, centers, rotations, curves, spans), _find_block_boxes(points)
+    _write_inside(code, 0, kinds, sizes, centers, rotations, curves, spans, boxes, points, blocks, held)
     return held
 
 
@@ -599,10 +689,13 @@ def _each_inside(code, firsts, kinds, sizes, centers, rotations, curves, spans, 
     """Of program i, whose leaves begin with number `firsts[i]`, whether each of the points from `starts[i]` to `ends[i]` lies in it,
     program after program. The instructions of one with k leaves are 2 k - 1 of `code`."""
     held, done = np.empty((ends - starts).sum(), np.bool_), 0
+    boxes, blocks = _find_boxes(kinds, sizes, centers, rotations, curves, spans), np.empty((0, 6))
     for i in range(len(starts)):
         own, n = code[2 * firsts[i] - i : 2 * firsts[i + 1] - i - 1], ends[i] - starts[i]
         some = points[starts[i] : ends[i]]
-        _write_inside(own, firsts[i], kinds, sizes, centers, rotations, curves, spans, some, held[done : done + n])
+        if i == 0 or starts[i] != starts[i - 1] or ends[i] != ends[i - 1]:
+            blocks = _find_block_boxes(some)
+        _write_inside(own, firsts[i], kinds, sizes, centers, rotations, curves, spans, boxes, some, blocks, held[done : done + n])
         done += n
     return held
 

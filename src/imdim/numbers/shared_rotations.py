@@ -14,6 +14,7 @@ from imdim.program.tree import KINDS, Primitive, combine_all
 
 BOX, SPHERE, ELLIPSOID, EXTRUDE = (KINDS.index(kind) for kind in ("box", "sphere", "ellipsoid", "extrude"))
 FULL = (BOX, ELLIPSOID, EXTRUDE)  # kinds with three directions; a sphere has none, the others have their axis
+EQUAL = np.array(SYMMETRIES)
 TURNS = 6  # first of the rotation's coordinates of a leaf
 
 
@@ -117,7 +118,8 @@ def _angle(kind: int, rotation: np.ndarray, frame: np.ndarray) -> float:
 def _nearest(kind: int, rotation: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """The rotation along a frame's directions that is nearest; a leaf with one axis keeps its spin."""
     if kind in FULL:
-        return max((frame @ s for s in SYMMETRIES), key=lambda f: float((f * rotation).sum()))
+        equal = frame @ EQUAL
+        return equal[(equal * rotation).sum((1, 2)).argmax()]
     along = rotation[:, 2] @ frame
     axis = frame[:, int(np.abs(along).argmax())] * np.sign(along[int(np.abs(along).argmax())])
     side = rotation[:, 0] - (rotation[:, 0] @ axis) * axis

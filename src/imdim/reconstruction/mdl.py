@@ -62,6 +62,7 @@ BEGUN = EMConfig(rounds=8)
 CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)
 AHEAD = 2.0  # rounds like its last one that a search is given credit for
 SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
+SLOW = 0.01  # nats per point that a round wins where taking leaves out may win more
 
 
 @dataclass(frozen=True)
@@ -229,26 +230,42 @@ class _NoisyCloud:
         offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
         # where time has cut them, the longer of two may become the shorter yet
         heirs = [found[0], *(h for h in [min(found, key=lambda h: h.promised)] if h is not found[0] and first.has_passed())]
-        best = self._in_turn([replace(h, rounds=self._shorten(h.best, offered, deadline)) for h in heirs], deadline)[0].best
+        slow = SLOW if self.anew else 0.0
+        best = self._in_turn([replace(h, rounds=self._shorten(h.best, offered, deadline)) for h in heirs], deadline, slow)[0].best
         # the deviations of a real thing are no noise that the points could tell
-        calmer = None if self.trifle else self._in_less_noise(best, offered, deadline)
-        # what was told is kept where nothing else is shorter
-        cloud = self if calmer is None else replace(self, sigma=best.noise.sigma / BLURRED_SKINS)
-        best = cloud._ask(calmer or best, deadline)
-        return cloud._rebuild(best, offered, deadline) if self.anew else best
+        less = best.noise.sigma / BLURRED_SKINS
+        best, calmer = (best, False) if self.trifle else self._in_less_noise(best, offered, deadline)
+        cloud = replace(self, sigma=less) if calmer else self
+        best = cloud._ask(best, deadline)
+        return cloud._rebuild_and_shorten(best, offered, deadline) if self.anew else best
 
-    def _in_less_noise(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram | None:
-        """What the search comes to from the best if there is less noise than it tells, where that is shorter and there is: where all walls
-        are thin, and both skins were taken for one, a program of their middles explains the points in more noise than there is."""
+    def _in_less_noise(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
+        """What the search comes to from the best if there is less noise than it tells, where that is shorter, and whether there is.
+
+        Where all walls are thin, and both skins were taken for one, a program of their middles explains the points in more noise than there
+        is.
+        """
         noise = replace(best.noise, sigma=best.noise.sigma / BLURRED_SKINS)
         start = maximise_likelihood(best.program, self.quick, noise, REFIT, deadline)
         rounds = replace(self, sigma=noise.sigma)._shorten(start, offered, deadline)
         lineage = _Lineage(start, self._length(start), rounds)
-        length = self._length(best)
-        while lineage.advance() and lineage.promised < length:
+        length, calm = self._length(best), FALLEN * best.noise.sigma
+        while lineage.advance() and lineage.promised < length and (lineage.won > SLOW or lineage.best.noise.sigma < calm):
             pass
-        fell = lineage.best.noise.sigma < FALLEN * best.noise.sigma
-        return lineage.best if fell and lineage.length < length - SAME else None
+        return (lineage.best, lineage.best.noise.sigma < calm) if lineage.length < length - SAME else (best, False)
+
+    def _rebuild_and_shorten(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The best after leaves of it were looked for anew, and then in single changes to where none shortens it, in turn until neither
+        does: the last changes are as slow as any, and most of them are undone where what they mend was wrong."""
+        while not deadline.has_passed():
+            best = self._rebuild(best, offered, deadline)
+            last = _Lineage(best, self._length(best), self._shorten(best, offered, deadline))
+            if not last.advance():
+                break
+            while last.advance():
+                pass
+            best = last.best
+        return best
 
     def _rebuild(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The best with what becomes of it where some of its leaves, neighbours of one another, are taken out and looked for anew (large
@@ -263,8 +280,9 @@ class _NoisyCloud:
                 continue
             taken.add(less)
             start = maximise_likelihood(less, self.quick, best.noise, REFIT, deadline)
-            lineage = _Lineage(start, self._length(start), self._shorten(start, [*offered, *leaves(best.program)], deadline))
-            while lineage.advance() and lineage.promised < length:
+            rounds = self._shorten(start, [*offered, *leaves(best.program)], deadline, filling=True)
+            lineage = _Lineage(start, self._length(start), rounds)
+            while lineage.advance() and lineage.promised < length and (lineage.length > length - SAME or lineage.won > SLOW):
                 pass
             failed += 1
             if lineage.length < length - SAME:
@@ -284,20 +302,22 @@ class _NoisyCloud:
         return best
 
     @staticmethod
-    def _in_turn(lineages: list[_Lineage], deadline: Deadline = NEVER) -> list[_Lineage]:
+    def _in_turn(lineages: list[_Lineage], deadline: Deadline = NEVER, slow: float = 0.0) -> list[_Lineage]:
         """The lineages as far as they come, the shortest first. The next round is that of the one which promises the most by what it won in
-        its last, until none promises more than one has."""
+        its last, until none promises more than one has, or wins more in a round than is `slow`."""
         going = list(lineages)
         while going and not deadline.has_passed():
             most = min(going, key=lambda lineage: lineage.promised)
             if most.promised > min(lineage.length for lineage in lineages):
                 break
-            if not most.advance():
+            if not most.advance() or most.won < slow:
                 going.remove(most)
         return sorted(lineages, key=lambda lineage: lineage.length)
 
-    def _shorten(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> Iterator[tuple[FittedProgram, float]]:
-        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count, self.sigma, not self.trifle)
+    def _shorten(
+        self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline, filling: bool = False
+    ) -> Iterator[tuple[FittedProgram, float]]:
+        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count, self.sigma, not self.trifle, filling)
 
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
@@ -321,6 +341,7 @@ class _Lineage:
     length: float
     rounds: Iterator[tuple[FittedProgram, float]]
     promised: float = -math.inf
+    won: float = math.inf
 
     def advance(self) -> bool:
         """Have another round; whether that found anything."""
@@ -328,8 +349,8 @@ class _Lineage:
         if found is None:
             self.promised = self.length
             return False
-        won = self.length - found[1]
-        (self.best, self.length), self.promised = found, found[1] - AHEAD * won
+        self.won = self.length - found[1]
+        (self.best, self.length), self.promised = found, found[1] - AHEAD * self.won
         return True
 
 

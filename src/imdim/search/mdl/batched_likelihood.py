@@ -82,8 +82,9 @@ class BatchedLikelihood:
         starts = np.cumsum([0, *(len(d.points) for d in drawn)])
         # some parts at a time: all places at once are a hundred megabytes
         held = np.concatenate([_find_holders(settled, _probes_of(scene, some)) for some in in_batches(drawn)])
-        over = _pack_flags(kernels.inside_each(others, _probes_of(scene, drawn[: len(settled)]))).reshape(len(others), starts[len(settled)])
-        selves = _pack_flags(np.concatenate([np.empty((0, 4), bool), *(d.selves for d in drawn[len(settled) :])]))
+        over = _pack_flags(kernels.inside_each(others, _probes_of(scene, drawn[: len(settled)])).ravel())
+        over = over.reshape(len(others), starts[len(settled)])
+        selves = _pack_flags(np.concatenate([np.empty((0, 4), bool), *(d.selves for d in drawn[len(settled) :])]).ravel())
         counts = np.cumsum([0, *(len(d.lent) for d in drawn)])
         first = np.concatenate([*(d.first[:-1] + count for d, count in zip(drawn, counts, strict=False)), counts[-1:]])
         lent, density = (np.concatenate(c) for c in ([d.lent for d in drawn], [d.density for d in drawn]))
@@ -123,9 +124,14 @@ def _find_holders(settled: Sequence[Program], probes: np.ndarray) -> np.ndarray:
     return out.reshape(-1, 4)
 
 
-def _pack_flags(flags: np.ndarray) -> np.ndarray:
-    """Flags [..., 4 s] as the lowest four bits of uint8 [s]."""
-    return np.packbits(flags.reshape(-1, 4), axis=1, bitorder="little")[:, 0]
+@njit(nogil=True, cache=True)
+def _pack_flags(flags):  # pragma: no cover - compiled
+    """Flags [4 s] as the lowest four bits of uint8 [s]."""
+    out = np.empty(len(flags) // 4, np.uint8)
+    for s in range(len(out)):
+        q = 4 * s
+        out[s] = flags[q] | flags[q + 1] << 1 | flags[q + 2] << 2 | flags[q + 3] << 3
+    return out
 
 
 @njit(nogil=True, cache=True)

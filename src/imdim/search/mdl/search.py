@@ -48,6 +48,8 @@ SEEN = 2048  # points that changes are looked at with
 TRIED = 16  # changes whose numbers get a first step
 FEWER = 2  # each so-manieth point for that
 MEETING = 0.25  # of the smaller box
+ASKED = 256  # badly explained points
+FILLINGS, FILLED = 150, 0.04  # parts that may fill a hole, and the share of its points that they have at least
 STILL, FEW = 0.5, 0.1  # deviations of the noise, and share of its points, by which a part may change and suggest the same
 MOST_USES = 2  # of one new part among the changes
 TWIN = 3.0  # deviations of the noise by which parts hardly differ whose numbers had their first step
@@ -74,19 +76,21 @@ def shorten(
     stand_for: int | None = None,
     sigma: float | None = None,
     steps: bool = True,
+    filling: bool = False,
 ) -> Iterator[tuple[FittedProgram, float]]:
     """Programs that describe `points` [n, 3] in ever shorter ways, each after the best changes of a round, and how long they take.
 
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the
     `tables_of_subsample` points keep for other calls what was computed for single parts. The points may `stand_for` a larger cloud.
     `sigma` is the deviation of their noise where the cloud itself has told it: in that of a program that runs between the skins of a thin
-    wall is the wall. Parts may have `steps` that no single point shows.
+    wall is the wall. Parts may have `steps` that no single point shows. For `filling` a hole only the parts are put in whose surface has
+    the most of the points that are badly explained: these are few, and a round is quick.
     """
     if deadline.has_passed():
         return
     draws = draws or tables_of_subsample(points, likely.noise.shadows)
     told = sigma or likely.noise.sigma
-    changes = _Changes(Cloud.of(points, told), draws, candidates, axes, stand_for or len(points), steps)
+    changes = _Changes(Cloud.of(points, told), draws, candidates, axes, stand_for or len(points), steps, filling)
 
     def fit(points: np.ndarray, config: EMConfig, most: float = math.inf) -> Callable[[_Trial], list[_Trial]]:
         return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, _limit(trial.likely.noise, most), config, deadline))]
@@ -209,7 +213,8 @@ def _lengths_of(loop: Loop) -> list[float]:
 @dataclass(frozen=True)
 class _Changes:
     """What a program of a `cloud` could become: its parts, the `candidates` and guesses along `axes`, judged by the points of `draws`,
-    which stand for so many as `count`; `steps` that no single point shows are looked for or not."""
+    which stand for so many as `count`; `steps` that no single point shows are looked for or not, and for `filling` a hole only what has
+    points of it."""
 
     cloud: Cloud
     draws: PartTableCache
@@ -217,6 +222,7 @@ class _Changes:
     axes: np.ndarray
     count: int
     steps: bool
+    filling: bool = False
     _known: _Guesses = field(default_factory=lambda: _Guesses([]))
 
     def promising(self, found: _Trial) -> list[_Trial]:
@@ -227,6 +233,7 @@ class _Changes:
             return []
         spans = self._spans(best, steps)
         offered = [*self._guesses(best, steps), *self.candidates]
+        offered = self._fillings(best, offered) if self.filling else offered
         compound = [p for p in offered if isinstance(p, Combine)]
         others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps), *spans]
         scene = PointScene(self.draws, _limit(best.noise, self.cloud.noise), self.count)
@@ -242,6 +249,14 @@ class _Changes:
         better = [moves[i - 1] for i in _shortest(lengths) if lengths[i] < lengths[0] + SLACK]
         kept = itertools.islice(_few_of_each(better, len(start)), TRIED)
         return [self._trial(best, choice, mixture.parts, start) for choice in kept]
+
+    def _fillings(self, best: FittedProgram, parts: list[Program]) -> list[Program]:
+        """The parts by whose surfaces the most of the points lie that are badly explained."""
+        far = OWN * best.noise.sigma
+        hole = subsample(self.cloud.points[np.abs(kernels.program_sdf(best.program, self.cloud.points)) > far], ASKED)
+        filled = np.array([np.count_nonzero(np.abs(kernels.program_sdf(p, hole)) < far) for p in parts])
+        most = np.argsort(-filled, kind="stable")[:FILLINGS]
+        return [parts[i] for i in sorted(most) if filled[i] >= FILLED * len(hole)]
 
     def _meet(self, mixture: BatchedLikelihood) -> np.ndarray:
         """Whether a good part of the box of each part, or of that of a settled one, is in the other, bool [p, settled]: what lies elsewhere
