@@ -1,5 +1,7 @@
 """Edits by a tenth of what is turned: its walls stay beside each other, bores in their tubes, and cuts from the side in the walls."""
 
+import math
+
 import pytest
 from tests.export.test_collisions import _read
 
@@ -44,6 +46,20 @@ def test_what_is_turned_is_cut_off_still_where_its_clip_ends():
     for name, edited in _tenths(part):
         turned, clip = leaves(edited.program)
         assert clip.center[2] - clip.size[1] / 2 - (turned.center[2] + turned.outline.bounds[0][1]) == pytest.approx(0.3), name
+
+
+def test_a_bore_goes_through_what_a_nut_is_turned_from():
+    """A round top, and a hexagon that it is cut to and that reaches beyond it, as does the bore by a hair: both follow the top."""
+    round_top = ((0, -20, 0.0), (20, -20, 0.0), (20, -8, 0.0), (14, -8, 0.0), (14, 10, math.tan(math.pi / 8)), (4, 20, 0.0), (0, 20, 0.0))
+    around = ((-16, -9), (0, -18), (16, -9), (16, 9), (0, 18), (-16, 9))
+    hexagon = Primitive("extrude", (40.0,), (0.0, 0.0, 2.0), outline=Outline((tuple((x, y, 0.0) for x, y in around),)))
+    nut = Combine("intersection", Primitive("revolve", (360.0,), outline=Outline((round_top,))), hexagon)
+    part = _read(Combine("difference", nut, Primitive("cylinder", (5.0, 40.01), (0.0, 0.0, 0.0))))
+    for name, edited in _tenths(part):
+        turned, hexagon, _ = leaves(edited.program)
+        top = turned.center[2] + turned.outline.bounds[1][1]
+        assert hexagon.center[2] + hexagon.size[0] / 2 == pytest.approx(top + 2.0), name
+        assert census_of(solid_of(edited)).kind == (1, 1, 0), name
 
 
 @pytest.mark.parametrize("start", [11.0, 11.8])

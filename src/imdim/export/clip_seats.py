@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 def seats_at_clips(system: LinearSystem, program: Program, hidden: Collection[tuple[int, int, int]]) -> Iterator[tuple[End, Row]]:
-    """Of ends that are `hidden`, by leaf, axis and side, how far they are from the face of a clip that they lie beyond: the
-    outermost that looks that way and is not hidden itself."""
+    """Of ends that are `hidden`, by leaf, axis and side, how far they are from the face of a clip that they lie beyond: the outermost that
+    looks that way and is not hidden itself, or the end of what is turned, where that alone clips."""
     clips = clips_of_each(program)
     if not any(clips):
         return
@@ -30,11 +30,13 @@ def seats_at_clips(system: LinearSystem, program: Program, hidden: Collection[tu
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0 or i in system.heights]
     flat = [FlatWall(e.leaf, e.axis, e.side, place_of(e, parts), system.place_of_end(e)) for e in ends]
     shown = [w for w in flat if (w.leaf, w.axis, w.side) not in hidden] + [w for w in system.walls if w.span is not None]
+    turned = [w for w in flat if parts[w.leaf].kind == "revolve"]
     slack = TOUCH * longest(parts)
     # where a cone ends says how steep it is
     for end in (e for e in ends if (e.leaf, e.axis, e.side) in hidden and parts[e.leaf].kind != "cone"):
         place = end.side * place_of(end, parts)
-        faces = _facing(shown, end, clips[end.leaf])
+        # what is turned may be round where it ends
+        faces = _facing([*shown, *(turned if len(clips[end.leaf]) == 1 else ())], end, clips[end.leaf])
         passed = [w for w in faces if w.side * w.place < place - slack and share_area(boxes[w.leaf], boxes[end.leaf], end.axis)]
         last = max(passed, key=lambda w: w.side * w.place, default=None)
         if last is not None and not any(w.side * w.place >= place - slack for w in faces):

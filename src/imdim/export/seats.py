@@ -14,7 +14,7 @@ import numpy as np
 
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
-from imdim.program.roles import cuts_of_each, signs
+from imdim.program.roles import clips_of_each, cuts_of_each, signs
 from imdim.program.tree import FLAT_ENDS, Primitive, Program, envelope, leaves, longest
 
 ALIGNED = 1e-7  # how far a direction may be off the world's axes
@@ -36,15 +36,22 @@ class End(NamedTuple):
     local: str
 
 
-class _CutAway:
-    """Where other cuts have taken all of an added leaf away."""
+class _Remains:
+    """What other cuts, and intersections, leave of added leaves."""
 
     def __init__(self, program: Program, parts: Sequence[Primitive], numbers: Lowered, boxes: Sequence[tuple[np.ndarray, np.ndarray]]):
         self._parts, self._numbers = parts, numbers
         self._boxes = np.array(boxes)  # [n, 2, 3]
-        self._cuts = cuts_of_each(program)
+        self._cuts, self._clips = cuts_of_each(program), clips_of_each(program)
 
-    def where(self, leaf: int, cut: int) -> bool:
+    def clip_span(self, leaf: int, axis: int, span: tuple[float, float]) -> tuple[float, float]:
+        """From where to where a leaf reaches along an axis, as far as what it is intersected with does."""
+        clips = self._boxes[self._clips[leaf]]  # [m, 2, 3]
+        if not len(clips):
+            return span
+        return max(span[0], float(clips[:, 0, axis].min())), min(span[1], float(clips[:, 1, axis].max()))
+
+    def are_gone_at(self, leaf: int, cut: int) -> bool:
         """Whether nothing of a leaf is left where a `cut` meets it, for what other cuts take there; a part added later is not cut by it."""
         if cut not in self._cuts[leaf]:
             return True
@@ -77,8 +84,8 @@ def seats(program: Program, hidden: Collection[tuple[int, int, int]] = ()) -> It
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)]
     boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
-    gone = _CutAway(program, parts, numbers, boxes)
-    yield from _seats_of_ends(parts, sign, ends, boxes, TOUCH * longest(parts), gone, hidden)
+    remains = _Remains(program, parts, numbers, boxes)
+    yield from _seats_of_ends(parts, sign, ends, boxes, TOUCH * longest(parts), remains, hidden)
 
 
 def sticks_out(seat: Seat, parts: Sequence[Primitive], largest: float) -> bool:
@@ -111,7 +118,7 @@ def _seats_of_ends(
     ends: list[End],
     boxes: list[tuple[np.ndarray, np.ndarray]],
     slack: float,
-    gone: _CutAway,
+    remains: _Remains,
     hidden: Collection[tuple[int, int, int]],
 ) -> Iterator[Seat]:
     pairs = {(e.leaf, e.axis, e.side): e for e in ends}
@@ -126,11 +133,11 @@ def _seats_of_ends(
         faces = facing.get((end.axis, end.side))
         near = [] if faces is None else faces.near(end, _span(pairs, end, parts), boxes[end.leaf], least)
         if sign[end.leaf] < 0:
-            near = [e for e in near if not gone.where(e.leaf, end.leaf)]
+            near = [e for e in near if not remains.are_gone_at(e.leaf, end.leaf)]
             face = _passed([e for e in near if (e.leaf, e.axis, e.side) not in hidden], end, parts, slack)
-            if face is not None and not _is_inside(pairs, near, end, parts, slack):
+            if face is not None and not _is_inside(pairs, near, end, parts, slack, remains):
                 yield Seat(end, face, "")
-                if end.column >= 0 and _is_inside(pairs, near, other, parts, slack):
+                if end.column >= 0 and _is_inside(pairs, near, other, parts, slack, remains):
                     yield Seat(other, face, "depth")
         elif end.leaf > 0:
             near = [e for e in near if e.column >= 0]  # a turned part is far from filling its box: what lies in that is seen
@@ -157,9 +164,10 @@ def _passed(faces: list[End], end: End, parts: list[Primitive], slack: float) ->
     return max(passed, key=lambda e: e.side * place_of(e, parts), default=None)
 
 
-def _is_inside(pairs: _Ends, near: list[End], end: End, parts: list[Primitive], slack: float) -> bool:
-    """Whether an end lies within some leaf."""
-    return any(low + slack < place_of(end, parts) < high - slack for low, high in (_span(pairs, e, parts) for e in near))
+def _is_inside(pairs: _Ends, near: list[End], end: End, parts: list[Primitive], slack: float, remains: _Remains) -> bool:
+    """Whether an end lies within some leaf, and within what that is intersected with."""
+    spans = (remains.clip_span(e.leaf, e.axis, _span(pairs, e, parts)) for e in near)
+    return any(low + slack < place_of(end, parts) < high - slack for low, high in spans)
 
 
 def _holds(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:

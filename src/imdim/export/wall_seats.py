@@ -9,7 +9,7 @@ import numpy as np
 
 from imdim.export.seats import MOST, TOUCH, End, ends_of, place_of, reach_of
 from imdim.geometry.lowering import lower
-from imdim.program.roles import cuts_of_each, signs
+from imdim.program.roles import clips_of_each, cuts_of_each, signs
 from imdim.program.tree import Primitive, Program, leaves, longest
 
 
@@ -29,11 +29,13 @@ class FlatWall(NamedTuple):
 
 
 class _Placed(NamedTuple):
-    """The leaves of a program, a box [3], [3] around each, what is taken from each, and within what places are one."""
+    """The leaves of a program, a box [3], [3] around each, what is taken from each and what it is intersected with, and within what places
+    are one."""
 
     parts: Sequence[Primitive]
     boxes: Sequence[tuple[np.ndarray, np.ndarray]]
     cuts: Sequence[Sequence[int]]
+    clips: Sequence[Sequence[int]]
     slack: float
 
     def at(self, end: End, side: int) -> float:
@@ -49,7 +51,7 @@ def seats_at_walls(
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     pairs = {(e.leaf, e.axis, e.side): e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)}
     boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
-    placed = _Placed(parts, boxes, cuts_of_each(program), TOUCH * longest(parts))
+    placed = _Placed(parts, boxes, cuts_of_each(program), clips_of_each(program), TOUCH * longest(parts))
     whole = [w for w in walls if sign[w.leaf] > 0 and w.span is None]
     pieces = [w for w in walls if sign[w.leaf] > 0 and w.span is not None]
     for end in (e for e in pairs.values() if e.column >= 0):
@@ -64,7 +66,8 @@ def seats_at_walls(
         elif (end.leaf, end.axis, end.side) in hidden:
             wall = _find_exit(placed, pieces, other, end) if cuts else _find_base(placed, pieces, end, other)
             if wall is not None:
-                yield end, wall, ""
+                if wall.leaf not in placed.clips[end.leaf]:  # else it goes on to where that is cut off
+                    yield end, wall, ""
                 if (other.leaf, other.axis, other.side) not in hidden:
                     yield other, wall, "depth" if cuts else "height"
 
