@@ -14,6 +14,7 @@ from imdim.export.followed_ends import find_followed_ends
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
 from imdim.export.relation_names import name_relations
+from imdim.export.residues import settle_residues
 from imdim.geometry.census import census_of
 from imdim.geometry.finish.commute import Commutation, CommutedProgram
 from imdim.geometry.finish.extend import Face, plane_face
@@ -28,7 +29,7 @@ from imdim.program.edges import EdgeFeature, name_edges, renumber_edges
 from imdim.program.patterns.detect import Folding, extent, fold_repeats, worth
 from imdim.program.repeats import Folded, copies_of, expand, instances, repeats, size, with_leaves
 from imdim.program.tree import Program
-from imdim.reconstruction.preserve import is_same, preserve
+from imdim.reconstruction.preserve import SAME, is_same, preserve
 from imdim.relations.residuals import holding, rebase_constraints
 
 NEAR = 2e-4  # of the part's size, by which what nearly repeats may move
@@ -76,7 +77,7 @@ def finish(
         constraints = without_hidden(program, holding(program, constraints))
         delivered = finish_flat(program, deadline=deadline, edges=edges)
         constraints = without_loose(program, constraints, delivered)
-        named = parametrise(program, constraints, delivered)
+        delivered, named, _ = _settle(delivered, parametrise(program, constraints, delivered), None)
         order = tuple(range(count(program).primitives))
         return FinishedProgram(delivered, _rename(delivered, constraints, named), named, None, order=order).with_edges(edges)
     place = {old: new for new, old in enumerate(folding.order)}
@@ -87,8 +88,18 @@ def finish(
     folded = with_leaves(folded, finish_flat(given, folded, deadline, edges))
     delivered = expand(folded)
     constraints = without_loose(given, constraints, delivered, folded)
-    named = parametrise(given, constraints, delivered, folded)
+    delivered, named, folded = _settle(delivered, parametrise(given, constraints, delivered, folded), folded)
     return FinishedProgram(delivered, _rename(delivered, constraints, named), named, folded, order=folding.order).with_edges(edges)
+
+
+def _settle(program: Program, named: Parameters, folded: Folded | None) -> tuple[Program, Parameters, Folded | None]:
+    """A program and its names without residues of rounding, as far as the solid is the same: what all but meets may not part by a hair."""
+    settled = settle_residues(program, named, folded)
+    if settled[0] == program:
+        return program, settled[1], folded
+    before, after = to_manifold(program), to_manifold(settled[0])
+    same = abs(after.volume() - before.volume()) <= SAME * before.volume() and census_of(before).kind == census_of(after).kind
+    return settled if same else (program, named, folded)
 
 
 def _rename(delivered: Program, constraints: Sequence[Constraint], named: Parameters) -> tuple[Constraint, ...]:

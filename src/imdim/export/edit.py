@@ -104,7 +104,7 @@ def _read_anew(delivered: Delivered, values: Mapping[str, float]) -> Delivered:
         _check_outline(number, leaf)
     program = round_program(exact)
     verify(program, delivered.constraints, AGREE)
-    folded = None if delivered.folded is None else _refold(delivered.folded, exact, program)
+    folded = None if delivered.folded is None else refold(delivered.folded, exact, program)
     program = program if folded is None else expand(folded)
     called = read_labels(delivered.texts["program.scad"], program, folded)  # none in texts of older versions
     notes = feature_notes(delivered.program, called, delivered.folded), feature_notes(program, called, folded)
@@ -166,8 +166,9 @@ def _holds(constraint: Constraint, program: Program) -> bool:
     return True
 
 
-def _refold(folded: Folded, exact: Program, program: Program) -> Folded:
-    """The repeats with the numbers of `program`, which are rounded; their steps and centres come from `exact` ones."""
+def refold(folded: Folded, exact: Program, program: Program) -> Folded:
+    """The repeats with the numbers of `program`, which are rounded; their steps and centres come from `exact` ones. Raises EditError where
+    copies would no longer be alike."""
     out = with_leaves(refit_repeats(folded, exact, Rounding.of(program).decimals + 1), program)
     if not _agree(expand(out), program):
         raise EditError("copies of one part would no longer be alike")

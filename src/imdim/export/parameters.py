@@ -69,7 +69,7 @@ class Parameters:
         if folded is None:
             return bare
         label = labels(program, (), folded)
-        return _add_loops(replace(bare, labels=tuple(label)), folded, label, longest(parts))[0]
+        return add_loops(replace(bare, labels=tuple(label)), folded, label, longest(parts))[0]
 
     def free_numbers(self, length: float) -> list[int]:
         """For each leaf with an outline, how many numbers follow no name, of its vertices and centres, radii, and angles of arcs but for
@@ -134,7 +134,7 @@ def _parametrise(
         named = _shift_constants(_share_corners(_express_numbers(system, program, label, delivered)), values)
         if folded is None:
             return named
-        looped, broken = _add_loops(named, folded, label, longest(leaves(delivered)))
+        looped, broken = add_loops(named, folded, label, longest(leaves(delivered)))
         if not broken:
             return looped
         if broken <= fixed:
@@ -186,7 +186,7 @@ def _shift_constants(named: Parameters, values: Mapping[str, float]) -> Paramete
     return replace(named, values=values, sizes=sizes, centers=centers, outlines=outlines)
 
 
-def _add_loops(named: Parameters, folded: Folded, label: Sequence[str], length: float) -> tuple[Parameters, set[int]]:
+def add_loops(named: Parameters, folded: Folded, label: Sequence[str], length: float) -> tuple[Parameters, set[int]]:
     """With loops, and the numbers of the repeats that the expressions do not repeat in, which have none."""
     taken, broken = {*RESERVED, *named.values}, set[int]()
     counts: dict[str, int] = {}
