@@ -13,7 +13,8 @@ from imdim.program.outline import arc_center, loop_curves
 from imdim.program.tree import Primitive, Vec3
 
 NEAR = 3e-6  # of the part, within which a place is on a grid: what single precision leaves
-MOST = 0.8  # of the places along an axis are on the grid then
+MOST = 0.8  # of the places along an axis are on the grid then,
+ENOUGH, TIMES = 0.4, 2.0  # or so many where that is so many times as many as from the origin that the part has
 SURE_BITS = 20.0  # by which all places along an axis are shorter to write from the other origin, which has to be written too
 MOST_ASKED = 24  # places that may tell of the origin
 FLAT = 1e-9  # of a line's length, that its ends may differ by along an axis that it is square to
@@ -47,13 +48,14 @@ def _offset(places: np.ndarray, size: float, most: float) -> float:
     # most places tell of the offset, if there is one, and so do most of a few
     told_by = places[:: -(-len(places) // MOST_ASKED)].tolist()
     offsets = {decimal(place - round_to_grid(place, width)) for place in told_by for width in widths}
-    bits, share = _bits(places, widths, slack)
-    if share >= MOST:
+    bits, own = _bits(places, widths, slack)
+    if own >= MOST:
         return 0.0  # from another origin they would be shorter, but not rounder
     least, found = bits - SURE_BITS, 0.0
     for offset in sorted(offset for offset in offsets if 0 < abs(offset) <= most):
         bits, share = _bits(places - offset, widths, slack)
-        if bits < least and share >= MOST:
+        # corners that lean and middles of rounded ones are odd from anywhere
+        if bits < least and share >= min(MOST, max(ENOUGH, TIMES * own)):
             least, found = bits, offset
     return found
 
