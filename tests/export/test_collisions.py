@@ -97,6 +97,25 @@ def test_a_cut_that_leaves_a_thin_wall_before_another_one_ends_there():
             assert census_of(solid_of(change_values(part, {name: factor * value}))).kind == (1, 0, 0), name
 
 
+def test_a_distance_is_called_after_what_is_between():
+    """A wall between two pockets, the air around a peg, and how far a bore's axis is from the end of what it goes through."""
+    bar = Primitive("box", (80.0, 20.0, 20.0))
+    left, right = (Primitive("box", (50.0, 12.0, 12.0), (x, 0.0, 0.0)) for x in (-24.0, 27.0))
+    part = opened(Combine("difference", Combine("difference", bar, left), right))
+    assert part.values["pocket2_wall_thickness"] == 1.0
+    assert not [name for name in part.values if "gap" in name]
+
+    ring = Combine("difference", Primitive("box", (12.0, 12.0, 2.0)), Primitive("box", (11.0, 11.0, 4.0)))
+    part = opened(Combine("union", Primitive("box", (10.0, 10.0, 2.0)), ring))
+    assert part.values["pocket_gap"] == 0.5
+
+    tower = Primitive("box", (10.0, 10.0, 60.0), (-20.0, 0.0, 33.0))
+    bore = Primitive("cylinder", (3.0, 80.0), (-20.0, 0.0, 58.0), (0.0, 90.0, 0.0))
+    plate = _plate(_rectangle(-30.0, 30.0, -20.0, 20.0), thickness=6.0)
+    part = opened(Combine("difference", Combine("union", plate, tower), bore))
+    assert [name for name, value in part.values.items() if value == 5.0] == ["hole_edge_distance"]
+
+
 def test_what_lies_in_the_top_of_a_plate_stays_there():
     """A ring groove about a screw, half in the air."""
     plate = Primitive("box", (60.0, 40.0, 12.0), (0.0, 0.0, 6.0))

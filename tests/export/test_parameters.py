@@ -269,3 +269,11 @@ def test_cuts_that_end_at_one_level_have_a_depth():
     program = cut(box(80, 40, 30, (0, 0, 15)), *(box(14, 14, 20, (x, 0, 21)) for x in (-20.0, 20.0)))
     level = Constraint("coplanar", (Ref(1, "-z"), Ref(2, "-z")), name="level")
     assert parametrise(program, (level,), program).values["pocket_depth"] == 19.0
+
+
+def test_no_word_is_said_twice() -> None:
+    plate = Primitive("box", (60.0, 60.0, 6.0), (0.0, 0.0, 3.0))
+    rim = Primitive("torus", (20.0, 4.0), (0.0, 0.0, 6.0))
+    program = union(plate, rim)
+    values = parametrise(program, (), program).values
+    assert {"ring_radius": 20.0, "ring_tube_radius": 4.0}.items() <= values.items()

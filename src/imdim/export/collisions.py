@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from imdim.export.followers import GAP, SHOULDER, WALL, rank_followers
+from imdim.export.followers import BETWEEN_AXES, FROM_EDGE, GAP, OFFSET, SHOULDER, WALL, rank_followers
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.reduction import Reduced
 from imdim.export.seen import find_unseen
@@ -28,6 +28,7 @@ TENTH = 0.1  # of a name's value
 SLACK = 1e-6  # of the largest size, by which boxes that touch may miss each other
 UNNAMED = 1e-3  # of it: a gap that is no wider stays as it is, and has no name: by so much people let parts overlap
 TRIES = 120  # of equations
+DISTANCES = (GAP, FROM_EDGE, BETWEEN_AXES, OFFSET)
 MOST_WORK = 20_000_000  # tries times spans times variables, which take some seconds
 MOST_SPANS = 3000  # of a program: their pairs are looked at
 
@@ -121,11 +122,11 @@ class _Distance(NamedTuple):
         if abs(self.value) <= UNNAMED * system.length:
             return self.row
         alike = (v for v, said in enumerate(system.extras, system.extra) if said == (leaf, self.word))
-        if self.word == GAP:
+        if self.word in DISTANCES:
             alike = (v for v in alike if system.gaps.get(v) == first)
-        same = (v for v in alike if self.word in (GAP, WALL) and abs(system.start[v] - abs(self.value)) <= SLACK * system.length)
+        same = (v for v in alike if self.word in (*DISTANCES, WALL) and abs(system.start[v] - abs(self.value)) <= SLACK * system.length)
         name = next(same, None) or system.new(leaf, self.word, abs(self.value))
-        if self.word == GAP:
+        if self.word in DISTANCES:
             system.gaps[name] = first
         return sum_rows((self.row, 1.0), ({name: 1.0}, -1.0 if self.value > 0 else 1.0))
 
@@ -203,6 +204,18 @@ class _Spans:
             at, row = two.middle
         if one.middle is not None and abs(one.middle[0] - at) < abs(at - other):
             other, its = one.middle
-        yield _Distance(sum_rows((row, 1.0), (its, -1.0)), at - other, GAP)
+        is_middle = any(s.middle is not None and r is s.middle[1] for s, r in ((two, row), (one, its)))
+        word = OFFSET if is_middle else _word_between(one, two) if up else _word_between(two, one)
+        yield _Distance(sum_rows((row, 1.0), (its, -1.0)), at - other, word)
         if TENTH * abs(at - other) >= abs(h.gap):
             yield _Distance(left, h.gap, WALL)
+
+
+def _word_between(low: Span, high: Span) -> str:
+    """What one calls the distance between two places: by whether either is an axis, and of two flat faces by whether material is between
+    them, air, or both look one way."""
+    if low.is_round or high.is_round:
+        return BETWEEN_AXES if low.is_round and high.is_round else FROM_EDGE
+    if not low.looks or not high.looks:
+        return GAP
+    return OFFSET if low.looks == high.looks else WALL if high.looks > 0 else GAP

@@ -22,7 +22,7 @@ from imdim.program.tree import Program, leaves
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
-ROUND = frozenset(("radius", "diameter", "angle", "chamfer", "sides", "gap"))  # words of numbers that no place says
+ROUND = frozenset(("radius", "diameter", "angle", "chamfer", "sides", "gap", "distance", "offset"))  # words of numbers that no place says
 
 
 class FlatFace(NamedTuple):

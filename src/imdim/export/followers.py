@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
 GAP, WALL = "gap", "wall_thickness"  # words of a distance between what is measured to, and of what is left between faces
+FROM_EDGE, BETWEEN_AXES = "edge_distance", "axis_distance"  # of one from something round, which is measured to its axis, and between two
+OFFSET = "offset"  # of one from the middle of something, or between two faces that look one way
 SHOULDER = "shoulder"  # of one between two walls of what is turned
 PLACE, END, LINE, EXTENT = range(4)
 EXTENTS = frozenset(("length", "width", "height", "spacing", "thickness", "circle"))  # words of sizes

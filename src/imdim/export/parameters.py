@@ -28,7 +28,7 @@ from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop as OutlineLoop
 from imdim.program.repeats import Folded, Repeat, repeats
-from imdim.program.roles import labels, signs, size_word, unique
+from imdim.program.roles import join_words, labels, signs, size_word, unique
 from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest
 
 ZERO = 1e-9
@@ -356,7 +356,7 @@ def _name(
         leaf, word = system.extras[v - system.extra]
         if word == "circle" and "hole" in label[leaf]:
             return "bolt_circle"
-        return f"{label[leaf]}_{bores.word(leaf, word, float(system.start[v]), label[leaf])}"
+        return join_words(label[leaf], bores.word(leaf, word, float(system.start[v]), label[leaf]))
     leaf, column = divmod(v, 6)
     word = said.get((leaf, column)) or (size_word(parts[leaf], column, sign[leaf], label[leaf]) if column < 3 else "xyz"[column - 3])
-    return f"{label[leaf]}_{word}"
+    return join_words(label[leaf], word)

@@ -31,7 +31,7 @@ class Span(NamedTuple):
     """What fills a box `low` [3] to `high` [3], as seen along an `axis`: of its low and its high side the rows that say where it is, and
     where that is which a person would measure to, with its row: of a circle its centre. Of an end of a leaf the `middle` between both is
     another such place. One that is `only` beside those that say the same is looked at with these alone; one that `is_radial` is a distance
-    from an axis."""
+    from an axis. A flat face `looks` up, 1, or down, -1, from the material that it bounds."""
 
     leaf: int
     axis: int
@@ -42,6 +42,12 @@ class Span(NamedTuple):
     middle: tuple[float, Row] | None = None
     only: tuple[int, ...] = ()
     is_radial: bool = False
+    looks: int = 0
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it is measured to its axis."""
+        return self.datums[0] == self.datums[1] and bool(self.low[self.axis] < self.high[self.axis])
 
 
 def list_spans(system: LinearSystem, program: Program) -> Iterator[Span]:
@@ -63,7 +69,7 @@ def _list_whole(system: LinearSystem, program: Program) -> Iterator[Span]:
         if seen.meet(p.axis, p.low, p.high, sign[p.leaf] < 0):
             at = float(p.low[p.axis]), p.row
             middle = None if p.is_wall else (float(parts[p.leaf].center[p.axis]), {6 * p.leaf + 3 + p.axis: 1.0})
-            yield Span(p.leaf, p.axis, p.low, p.high, (p.row, p.row), (at, at), middle)
+            yield Span(p.leaf, p.axis, p.low, p.high, (p.row, p.row), (at, at), middle, looks=p.side * sign[p.leaf])
     yield from _list_round_spans(system, program)
     hidden = find_hidden_walls(program)
     for leaf, part in enumerate(leaves(program)):

@@ -147,6 +147,11 @@ def name_constraints(
     return tuple(out)
 
 
+def join_words(label: str, word: str) -> str:
+    """The name of a number of what has a label: the radius of a ring's circle is ring_radius, and not ring_ring_radius."""
+    return f"{label}_{word.removeprefix(label.rstrip('0123456789') + '_')}"
+
+
 def unique(name: str, taken: set[str]) -> str:
     """`name`, or `name` with the first free number from 2; it is taken from now on."""
     number = 1
@@ -161,7 +166,7 @@ def _name(c: Constraint, parts: Sequence[Primitive], label: Sequence[str], sign:
     if c.kind in _OF_SIZES:
         leaf = c.of[0].leaf
         column = SIZE_NAMES[parts[leaf].kind].index(c.of[0].feature)
-        return f"{label[leaf]}_{size_word(parts[leaf], column, sign[leaf], label[leaf])}"
+        return join_words(label[leaf], size_word(parts[leaf], column, sign[leaf], label[leaf]))
     return f"{who}_{_WORDS[c.kind]}"
 
 
