@@ -14,7 +14,7 @@ import operator
 import re
 from collections.abc import Callable, Container, Iterator, Mapping
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from imdim.export.bends import SIDES, Arc, polygon_across_flats, regular_polygon, to_loop
 from imdim.export.openscad import ELLIPSE, OUTLINE, SWITCH, TURN, WHERE_DRAWN
@@ -56,15 +56,7 @@ def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: 
     given = given or {}
     open_blocks: list[tuple[Op | Vec3 | None, list[Program]]] = [("union", [])]
     values: Values = {}
-    # as many lines as before, so that messages count them as the file does
-    for ours in (OUTLINE, ELLIPSE):
-        text = text.replace(ours, "\n" * ours.count("\n"), 1)
-    for number, line in _statements(text):
-        assigned = _ASSIGNMENT.fullmatch(line)
-        begun: Op | None = next((op for op in OPS if line == f"{op}() {{"), None)
-        turned = _TURNED.fullmatch(line)
-        if not line or line.startswith("$fn = ") or line in _SWITCHES:
-            continue
+    for number, line, assigned, begun, turned in _read_lines(text):
         if line == "}" and len(open_blocks) > 1 and open_blocks[-1][1]:
             kind, parts = open_blocks.pop()
             open_blocks[-1][1].extend(_close(kind, parts) if kind is not None else parts if blended else [])
@@ -99,6 +91,28 @@ def _close(kind: Op | Vec3, parts: list[Program]) -> list[Program]:
 def are_drawn(text: str) -> bool:
     """Whether a text draws its blends unless told otherwise; one that has none would."""
     return _SWITCHES[1] not in text
+
+
+class _Line(NamedTuple):
+    """A statement, or the begin or end of a block: the number of its first line, and what of the language it may be."""
+
+    number: int
+    text: str
+    assigned: re.Match[str] | None
+    begun: Op | None
+    turned: re.Match[str] | None
+
+
+@lru_cache(4)  # one text is read again and again, each time with another name moved
+def _read_lines(text: str) -> tuple[_Line, ...]:
+    # as many lines as before, so that messages count them as the file does
+    for ours in (OUTLINE, ELLIPSE):
+        text = text.replace(ours, "\n" * ours.count("\n"), 1)
+    lines = [(number, line) for number, line in _statements(text) if line and not line.startswith("$fn = ") and line not in _SWITCHES]
+    return tuple(
+        _Line(n, line, _ASSIGNMENT.fullmatch(line), next((op for op in OPS if line == f"{op}() {{"), None), _TURNED.fullmatch(line))
+        for n, line in lines
+    )
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
