@@ -17,9 +17,9 @@ export OMP_NUM_THREADS ?= 1
 demo: .venv/use
 	$(BIN)/python infer.py input=dataset/examples/bracket.stl output=out/demo
 
-# three workers on two cores: a sixth of the time of two went into waiting for browsers and other tools
+# three workers on two cores: a sixth of the time of two went into waiting for browsers and other tools; tests/conftest.py says who runs what
 test: .venv/develop .venv/kernels
-	$(BIN)/python -m pytest -n 3 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 # compiled once here: two workers with a browser each, and the processes that they keep ready, would all compile at the same time; a cloud
 # that compiles takes most of its time for that, and ends with status 3, as a result that is not the part

@@ -8,6 +8,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "scripts" / "bench"))
 
 import house
 import pytest
+from tests.conftest import LONGEST, TESTS
 
 MOST_DOUBLED, MOST_PARTICIPLES = 1, 6
 MOST_CONVERSIONS = 6  # the front and the rounding of numbers, which are judged in both frames, and the lab, which has no other door
@@ -38,6 +39,10 @@ def test_no_row_of_the_layers_lets_neighbours_import_each_other():
 
 def test_a_module_says_in_one_line_what_it_is(modules):
     assert house.without_sentence(modules) == []
+
+
+def test_files_that_begin_first_are_there():
+    assert [name for name in LONGEST if not (TESTS / name).exists()] == []
 
 
 def test_what_breaks_a_rule_is_seen(tmp_path):

@@ -1,0 +1,65 @@
+"""How several workers share the tests: file by file, those that take longest first, and the page's tests by one, whose server, browser and
+reconstructed part they share."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+TESTS = Path(__file__).parent
+PAGE = "tests/app/lab/page/"
+# one that began last would keep a single worker busy at the end; by their seconds of the processor, or waited for
+LONGEST = (
+    "app/lab/page",
+    "reconstruction/test_mdl.py",
+    "stories/test_first_hour.py",
+    "reconstruction/test_pipeline.py",
+    "learn/test_train.py",
+    "app/test_fit.py",
+    "hostile/test_repeatable.py",
+    "reconstruction/test_policy_beam.py",
+    "hostile/test_fuzz_fits.py",
+    "learn/test_distributed.py",
+    "delivery/test_bracket_edits.py",
+    "delivery/test_first_run.py",
+    "test_wheel.py",
+    "test_base_install.py",
+    "test_docs.py",
+    "export/test_loops.py",
+    "learn/test_reinforce.py",
+    "export/test_step.py",
+    "geometry/finish/test_rounded.py",
+    "export/test_outlines.py",
+    "test_searches.py",
+    "app/agent/test_server.py",
+    "learn/test_policies.py",
+    "app/lab/test_jobs.py",
+    "reconstruction/test_evolution.py",
+    "target/test_bad_input.py",
+    "app/lab/test_resume.py",
+)
+
+
+def pytest_collection_modifyitems(config, items):
+    """Put what takes longest first, then files of many tests, where these are shared by workers; alone they stay in their order."""
+    if not hasattr(config, "workerinput"):
+        return
+    first = {TESTS / name: k for k, name in enumerate(LONGEST)}
+    count = Counter(item.path for item in items)
+
+    def rank(item):
+        place = min((first[path] for path in (item.path, item.path.parent) if path in first), default=len(first))
+        return place, -count[item.path], item.path
+
+    items.sort(key=rank)
+
+
+def pytest_xdist_make_scheduler(config, log):
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduler(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            """The file of a test, or the folder of the page's."""
+            return PAGE if nodeid.startswith(PAGE) else nodeid.partition("::")[0]
+
+    return Scheduler(config, log)
