@@ -93,7 +93,7 @@ def are_drawn(text: str) -> bool:
     return _SWITCHES[1] not in text
 
 
-class _Line(NamedTuple):
+class _Statement(NamedTuple):
     """A statement, or the begin or end of a block: the number of its first line, and what of the language it may be."""
 
     number: int
@@ -104,13 +104,13 @@ class _Line(NamedTuple):
 
 
 @lru_cache(4)  # one text is read again and again, each time with another name moved
-def _read_lines(text: str) -> tuple[_Line, ...]:
+def _read_lines(text: str) -> tuple[_Statement, ...]:
     # as many lines as before, so that messages count them as the file does
     for ours in (OUTLINE, ELLIPSE):
         text = text.replace(ours, "\n" * ours.count("\n"), 1)
     lines = [(number, line) for number, line in _statements(text) if line and not line.startswith("$fn = ") and line not in _SWITCHES]
     return tuple(
-        _Line(n, line, _ASSIGNMENT.fullmatch(line), next((op for op in OPS if line == f"{op}() {{"), None), _TURNED.fullmatch(line))
+        _Statement(n, line, _ASSIGNMENT.fullmatch(line), next((op for op in OPS if line == f"{op}() {{"), None), _TURNED.fullmatch(line))
         for n, line in lines
     )
 
