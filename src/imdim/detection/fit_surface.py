@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
 from imdim.detection.fit_ellipsoid import ellipsoid_residual, make_ellipsoid, move_ellipsoid
-from imdim.detection.fit_start import basis, starts
-from imdim.geometry.rows import lengths
+from imdim.detection.fit_kernels import CODES, UNKNOWNS, descend_surface
+from imdim.detection.fit_start import starts
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import FRAMED, SURFACE_KINDS, Surface, make_elliptic, signed_distance, vec
 
 MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7, "ellipsoid": 9, "elliptic": 7}
+UPRIGHT = np.eye(3)
 # columns of the step that each way of holding the axis leaves out
 _FROZEN: dict[str, tuple[int, ...]] = {"": (), "axis": (2, 3), "line": (0, 1, 2, 3)}
 _FROZEN_FRAME: dict[str, dict[str, tuple[int, ...]]] = {
@@ -35,12 +34,7 @@ class _SurfaceState:
     point: np.ndarray
     axis: np.ndarray
     sizes: np.ndarray
-    frame: np.ndarray = field(default_factory=lambda: np.eye(3))
-
-    @cached_property
-    def across(self) -> tuple[np.ndarray, np.ndarray]:
-        """Two unit vectors [3] across the axis."""
-        return basis(self.axis)
+    frame: np.ndarray = field(default_factory=lambda: UPRIGHT)
 
 
 def fit_surface(
@@ -178,18 +172,32 @@ def _descend(
     state: _SurfaceState, local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]
 ) -> tuple[_SurfaceState, float]:
     """Levenberg-Marquardt; the weights are renewed after every accepted step."""
+    if state.kind in FRAMED:
+        return _descend_framed(state, local, scale, iterations, frozen)
+    held = np.zeros(UNKNOWNS[CODES[state.kind]], bool)
+    held[list(() if state.kind == "sphere" else frozen)] = True
+    start = np.concatenate([state.point, state.axis, state.sizes, np.zeros(2 - len(state.sizes))])
+    found, rms = descend_surface(CODES[state.kind], start, np.require(local, np.float64, ["C", "W"]), scale or 0.0, iterations, held)
+    return _SurfaceState(state.kind, found[:3], found[3:6], found[6 : 6 + len(state.sizes)]), rms
+
+
+def _descend_framed(
+    state: _SurfaceState, local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]
+) -> tuple[_SurfaceState, float]:
+    """As `_descend`, of an ellipsoid or an elliptic cylinder."""
     damping = 1e-3
-    distance, slopes = _residual(state, local)
+    distance, jacobian = ellipsoid_residual(state.point, state.frame, state.sizes, local)
     weight = _tukey(distance, scale)
     cost = _loss(distance, scale)
-    normal, slope = _equations(distance, slopes(), weight, () if state.kind == "sphere" else frozen)
+    normal, slope = _equations(distance, jacobian, weight, frozen)
     for _ in range(iterations):
         if np.abs(slope).max() < 1e-14 * len(local):
             break
         damped, size = normal.copy(), normal.diagonal()
         damped.ravel()[:: len(slope) + 1] += damping * (size + 1e-9 * (1 + size.sum()))
-        trial = _move(state, np.linalg.solve(damped, -slope))
-        new_distance, slopes = _residual(trial, local)
+        point, frame, sizes = move_ellipsoid(state.point, state.frame, state.sizes, np.linalg.solve(damped, -slope))
+        trial = _SurfaceState(state.kind, point, frame[:, 2], sizes, frame)
+        new_distance, jacobian = ellipsoid_residual(point, frame, sizes, local)
         new_cost = _loss(new_distance, scale)
         if not new_cost < cost:
             damping *= 8
@@ -202,7 +210,7 @@ def _descend(
         damping = max(damping / 6, 1e-12)
         if gain < 1e-11 * cost:
             break
-        normal, slope = _equations(distance, slopes(), weight, () if state.kind == "sphere" else frozen)
+        normal, slope = _equations(distance, jacobian, weight, frozen)
     return state, _rms(distance, weight)
 
 
@@ -217,66 +225,3 @@ def _loss(distance: np.ndarray, scale: float | None) -> float:
     if scale is None:
         return float(distance @ distance)
     return float((1 - np.maximum(1 - (distance / (3 * scale)) ** 2, 0.0) ** 3).sum())
-
-
-def _move(state: _SurfaceState, step: np.ndarray) -> _SurfaceState:
-    if state.kind == "sphere":
-        return _SurfaceState("sphere", state.point + step[:3], state.axis, state.sizes + step[3:])
-    if state.kind in FRAMED:
-        point, frame, sizes = move_ellipsoid(state.point, state.frame, state.sizes, step)
-        return _SurfaceState(state.kind, point, frame[:, 2], sizes, frame)
-    u, v = state.across
-    point = state.point + step[0] * u + step[1] * v
-    axis = state.axis + step[2] * u + step[3] * v
-    axis /= math.sqrt(axis @ axis)
-    if state.kind == "torus":
-        return _SurfaceState("torus", point + step[4] * state.axis, axis, state.sizes + step[5:])
-    return _SurfaceState(state.kind, point, axis, state.sizes + step[4:])
-
-
-def _residual(state: _SurfaceState, local: np.ndarray) -> tuple[np.ndarray, Callable[[], np.ndarray]]:
-    """Signed distances [n], and what gives their derivatives [n, p] with respect to the step of `_move`: a step that is refused needs
-    none."""
-    if state.kind in FRAMED:
-        distance, jacobian = ellipsoid_residual(state.point, state.frame, state.sizes, local)
-        return distance, lambda: jacobian
-    q = local - state.point
-    if state.kind == "sphere":
-        length = lengths(q)
-        return length - state.sizes[0], lambda: np.column_stack([-q / np.maximum(length, 1e-12)[:, None], -np.ones(len(q))])
-    u, v = state.across
-    qu, qv, h = q @ u, q @ v, q @ state.axis
-    rho = np.hypot(qu, qv)
-    if state.kind == "cylinder":
-        distance = rho - state.sizes[0]
-    elif state.kind == "cone":
-        distance = (rho - state.sizes[0]) * math.cos(state.sizes[1]) - h * math.sin(state.sizes[1])
-    else:
-        distance = np.hypot(rho - state.sizes[0], h) - state.sizes[1]
-    return distance, lambda: _slopes(state, qu, qv, h, rho)
-
-
-def _slopes(state: _SurfaceState, qu: np.ndarray, qv: np.ndarray, h: np.ndarray, rho: np.ndarray) -> np.ndarray:
-    """Derivatives [n, p] of a cylinder's, a cone's or a torus's distances, by coordinates across and along the axis, and the radius [n]."""
-    least = np.maximum(rho, 1e-12)
-    ru, rv = qu / least, qv / least
-    if state.kind == "cylinder":
-        return _columns(-ru, -rv, -h * ru, -h * rv, -1.0)
-    if state.kind == "cone":
-        radius, angle = state.sizes
-        c, s = math.cos(angle), math.sin(angle)
-        turn = -(h * c + rho * s)
-        return _columns(-ru * c, -rv * c, turn * ru, turn * rv, -c, -(rho - radius) * s - h * c)
-    out = rho - state.sizes[0]
-    least = np.maximum(np.hypot(out, h), 1e-12)
-    g, k = out / least, h / least
-    turn = k * rho - g * h
-    return _columns(-g * ru, -g * rv, turn * ru, turn * rv, -k, -g, -1.0)
-
-
-def _columns(first: np.ndarray, *others: np.ndarray | float) -> np.ndarray:
-    """Columns [n] side by side, numbers in all their rows."""
-    out = np.empty((len(first), 1 + len(others)))
-    for k, column in enumerate((first, *others)):
-        out[:, k] = column
-    return out
