@@ -127,3 +127,15 @@ def test_a_tab_at_the_rim_of_a_flange_stays_there():
         ring, tab = leaves(edited.program)
         radius = max(x for x, _, _ in ring.outline.loops[0])
         assert tab.center[0] - tab.size[0] / 2 == pytest.approx(radius - 0.11), name
+
+
+def test_a_rod_through_a_tube_sticks_out_of_it_as_far_as_it_does():
+    """By 10 on both sides of a tube 250 wide: a rod a tenth shorter would end inside it."""
+    tube = _turned((110, -40), (125, -40), (125, 30), (129, 30), (129, 40), (110, 40))
+    rod = Primitive("cylinder", (4.0, 270.0), (0.0, 0.0, -10.0), (0.0, 90.0, 0.0))
+    part = _read(Combine("union", tube, rod))
+    assert 270.0 not in part.values.values()
+    assert [value for name, value in part.values.items() if name.endswith("offset")] == pytest.approx([10.0])
+    for name, edited in _tenths(part):
+        tube, rod = leaves(edited.program)
+        assert rod.size[1] / 2 > max(x for x, y, _ in tube.outline.loops[0] if y < 0) + 5.0, name

@@ -19,6 +19,7 @@ from imdim.export.reduction import Reduced
 from imdim.export.seen import find_unseen
 from imdim.export.spans import Span, list_spans
 from imdim.export.turned_spans import list_turned_spans
+from imdim.program.roles import signs
 from imdim.program.tree import Program
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def solve_apart(system: LinearSystem, program: Program) -> tuple[dict[int, dict[
     spans = [*list_spans(system, program), *list_turned_spans(system, program)]
     if not 1 < len(spans) <= MOST_SPANS:
         return solved, unseen
-    found = _Spans(system, sorted(spans, key=lambda s: s.leaf))
+    found = _Spans(system, sorted(spans, key=lambda s: s.leaf), signs(program))
     state = _Solution(solved, unseen, found.find_hazards(solved, unseen), reduced)
     tried = set[tuple[int, int]]()
     for _ in range(min(TRIES, MOST_WORK // (len(spans) * len(system.start)))):
@@ -132,10 +133,10 @@ class _Distance(NamedTuple):
 
 
 class _Spans:
-    """The spans of a program as arrays."""
+    """The spans of a program as arrays; `sign` is -1 of leaves that cut."""
 
-    def __init__(self, system: LinearSystem, spans: Sequence[Span]) -> None:
-        self._system, self._spans = system, spans
+    def __init__(self, system: LinearSystem, spans: Sequence[Span], sign: Sequence[int]) -> None:
+        self._system, self._spans, self._sign = system, spans, sign
         self._leaves, self._axes = (np.array([getattr(s, name) for s in spans]) for name in ("leaf", "axis"))
         self._boxes = np.array([(s.low, s.high) for s in spans])  # [n, 2, 3]
         self._ends = self._boxes[np.arange(len(spans)), :, self._axes]  # [n, 2]
@@ -209,6 +210,9 @@ class _Spans:
         yield _Distance(sum_rows((row, 1.0), (its, -1.0)), at - other, word)
         if TENTH * abs(at - other) >= abs(h.gap):
             yield _Distance(left, h.gap, WALL)
+        elif abs(at - other) <= UNNAMED * self._system.length:
+            # of what lies about one middle the sizes say how far the sides are apart
+            yield _Distance(left, h.gap, OFFSET if self._sign[one.leaf] == self._sign[two.leaf] else WALL)
 
 
 def _word_between(low: Span, high: Span) -> str:

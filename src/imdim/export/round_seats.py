@@ -27,7 +27,7 @@ MOST = 0.7  # of a radius, by which the middle of what enters may lie beside the
 SLACK = 1e-7  # of the largest size
 
 
-class _EnteredWall(NamedTuple):
+class EnteredWall(NamedTuple):
     """A round wall along a world `axis`, which is that far from it, by the row `size`, and runs from where to where, and whether the solid
     is within it."""
 
@@ -44,7 +44,7 @@ def seats_at_rounds(system: LinearSystem, program: Program, hidden: Collection[t
     added, where they are `hidden`, by leaf, axis and side, that of another leaf which it comes out of; or that they touch one. What is
     added and has an end that is seen there moves as a whole."""
     parts, numbers, sign, cuts = list(leaves(program)), lower(program), signs(program), cuts_of_each(program)
-    walls = [wall for i, p in enumerate(parts) for wall in _round_walls(system, i, p, sign[i] > 0)]
+    walls = [wall for i, p in enumerate(parts) for wall in list_round_walls(system, i, p, sign[i] > 0)]
     for leaf, part in enumerate(parts) if walls else ():
         met = [w for w in walls if (w.adds if sign[leaf] > 0 else not w.adds or leaf in cuts[w.leaf])]
         ends = {(e.axis, e.side): e for e in ends_of(leaf, part, numbers) if e.column >= 0 or leaf in system.heights}
@@ -68,13 +68,14 @@ def seats_at_rounds(system: LinearSystem, program: Program, hidden: Collection[t
         yield from ((end, system.place_of_end(end), False) for end in others)
 
 
-def _round_walls(system: LinearSystem, leaf: int, part: Primitive, adds: bool) -> Iterator[_EnteredWall]:
+def list_round_walls(system: LinearSystem, leaf: int, part: Primitive, adds: bool) -> Iterator[EnteredWall]:
+    """Those of a cylinder, or of what is turned, about a world axis; `adds` says of its leaf whether it does."""
     along = world_axis(exact_rotation(part)[:, 2]) if part.kind in ("cylinder", "revolve") else None
     if along is None:
         return
     at = part.center[along]
     if part.kind == "cylinder":
-        yield _EnteredWall(leaf, along, (at - part.size[1] / 2, at + part.size[1] / 2), part.size[0], {6 * leaf: 1.0}, adds)
+        yield EnteredWall(leaf, along, (at - part.size[1] / 2, at + part.size[1] / 2), part.size[0], {6 * leaf: 1.0}, adds)
         return
     assert part.outline is not None
     way = round(exact_rotation(part)[along, 2])
@@ -85,10 +86,10 @@ def _round_walls(system: LinearSystem, leaf: int, part: Primitive, adds: bool) -
         for vertex, (x, y, u, v, bulge) in zip(ring, ring_curves(loop), strict=True):
             if x == u and x > 0 and not bulge:
                 low, high = sorted((at + way * y, at + way * v))
-                yield _EnteredWall(leaf, along, (low, high), x, dict(vertex.x.row), ((v - y) * outwards > 0) == adds)
+                yield EnteredWall(leaf, along, (low, high), x, dict(vertex.x.row), ((v - y) * outwards > 0) == adds)
 
 
-def _is_entered(wall: _EnteredWall, parts: Sequence[Primitive], end: End) -> bool:
+def _is_entered(wall: EnteredWall, parts: Sequence[Primitive], end: End) -> bool:
     """Whether the leaf of an end goes through a round wall about square to that."""
     if wall.axis == end.axis:
         return False
@@ -97,7 +98,7 @@ def _is_entered(wall: _EnteredWall, parts: Sequence[Primitive], end: End) -> boo
     return wall.run[0] < middle[wall.axis] < wall.run[1] and aside <= MOST * wall.radius
 
 
-def _is_within(wall: _EnteredWall, parts: Sequence[Primitive], end: End, box: tuple[np.ndarray, np.ndarray]) -> bool:
+def _is_within(wall: EnteredWall, parts: Sequence[Primitive], end: End, box: tuple[np.ndarray, np.ndarray]) -> bool:
     """Whether a leaf with a box around it is no wider, and no longer along the axis, than a round wall that an end of it is sunk into."""
     beside, middle = 3 - wall.axis - end.axis, parts[wall.leaf].center
     wide = max(box[1][beside] - middle[beside], middle[beside] - box[0][beside])
@@ -105,19 +106,19 @@ def _is_within(wall: _EnteredWall, parts: Sequence[Primitive], end: End, box: tu
 
 
 def _find_wall(
-    walls: Sequence[_EnteredWall],
-    deep: Sequence[_EnteredWall],
+    walls: Sequence[EnteredWall],
+    deep: Sequence[EnteredWall],
     parts: Sequence[Primitive],
     end: End,
     other: End,
     adds: bool,
     slack: float,
-) -> tuple[_EnteredWall, int] | None:
+) -> tuple[EnteredWall, int] | None:
     """Of the walls between an end and the other one of its leaf that nearest to it, and on which side of its axis it is. The end of what
     `adds` touches what is round there or, of a `deep` wall, is sunk into it; that of a cut lies in a bore, or has come out. What is sunk to
     an axis follows that: its side is 0."""
     at, start = end.side * place_of(end, parts), end.side * place_of(other, parts)
-    found: list[tuple[float, _EnteredWall, int]] = []
+    found: list[tuple[float, EnteredWall, int]] = []
     for wall in walls:
         middle = end.side * parts[wall.leaf].center[end.axis]
         inside = abs(at - middle) < wall.radius - slack

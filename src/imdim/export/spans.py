@@ -12,6 +12,7 @@ from imdim.export.contacts import list_flat_faces
 from imdim.export.drawn_vertex import DrawnVertex
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.outline_rows import Sum
+from imdim.export.round_seats import list_round_walls
 from imdim.export.seats import ALIGNED, reach_of, world_axis
 from imdim.export.seen import HAIR, SeenPlanes, find_seen_reach
 from imdim.export.seen_walls import find_hidden_walls
@@ -71,6 +72,7 @@ def _list_whole(system: LinearSystem, program: Program) -> Iterator[Span]:
             middle = None if p.is_wall else (float(parts[p.leaf].center[p.axis]), {6 * p.leaf + 3 + p.axis: 1.0})
             yield Span(p.leaf, p.axis, p.low, p.high, (p.row, p.row), (at, at), middle, looks=p.side * sign[p.leaf])
     yield from _list_round_spans(system, program)
+    yield from _list_turned_walls(system, program)
     hidden = find_hidden_walls(program)
     for leaf, part in enumerate(leaves(program)):
         drawing = LevelDrawing.of(leaf, part) if leaf in system.drawn else None
@@ -93,6 +95,19 @@ def _list_round_spans(system: LinearSystem, program: Program) -> Iterator[Span]:
             centre, rim = {6 * leaf + 3 + axis: 1.0}, {6 * leaf + column: 1.0}
             at = part.center[axis], centre
             yield Span(leaf, axis, low, high, (sum_rows((centre, 1.0), (rim, -1.0)), sum_rows((centre, 1.0), (rim, 1.0))), (at, at))
+
+
+def _list_turned_walls(system: LinearSystem, program: Program) -> Iterator[Span]:
+    """Of the round walls of what is turned about a world axis, across that; they are measured to it."""
+    for leaf, part in enumerate(leaves(program)):
+        for wall in list_round_walls(system, leaf, part, True) if part.kind == "revolve" else ():
+            low, high = (np.array(part.center) + way * wall.radius for way in (-1, 1))
+            low[wall.axis], high[wall.axis] = wall.run
+            for axis in (a for a in range(3) if a != wall.axis):
+                centre = {6 * leaf + 3 + axis: 1.0}
+                at = part.center[axis], centre
+                sides = sum_rows((centre, 1.0), (wall.size, -1.0)), sum_rows((centre, 1.0), (wall.size, 1.0))
+                yield Span(leaf, axis, low, high, sides, (at, at))
 
 
 class LevelDrawing(NamedTuple):
