@@ -2,8 +2,13 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
+import time
+from pathlib import Path
+
+import imdim
 
 # The first fit in a process, with one kernel in the place of all.
 FIRST = """
@@ -114,6 +119,22 @@ def test_a_first_run_that_was_stopped_is_no_first_run(tmp_path):
     )
     assert "ZeroDivisionError" in stopped.stderr
     assert "imdim: compiled in " in run(FIRST, NUMBA_CACHE_DIR=str(tmp_path)).stderr
+
+
+def test_kernels_that_are_newer_than_what_was_compiled_are_compiled_before_the_clock_starts(tmp_path):
+    """As after `git pull`: the mark's own module has not changed."""
+    source = Path(imdim.__file__).parents[2]
+    shutil.copytree(source / "src", tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "pyproject.toml").touch()
+    variables = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+    assert len(run(FIRST, **variables).stderr.splitlines()) == 2
+    assert run(FIRST, **variables).stderr == ""
+    os.utime(tmp_path / "src/imdim/__init__.py", (time.time() + 5, time.time() + 5))
+    assert run(FIRST, **variables).stderr == "", "it has no kernels"
+    os.utime(tmp_path / "src/imdim/geometry/kernels.py", (time.time() + 5, time.time() + 5))
+    assert len(run(FIRST, **variables).stderr.splitlines()) == 2
+    (tmp_path / "pyproject.toml").unlink()
+    assert run(FIRST, **variables).stderr == "", "what is installed has its files from one build"
 
 
 def test_hardly_a_kernel_is_left_to_compile_for_a_noisy_cloud():

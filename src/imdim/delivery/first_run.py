@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from imdim.program.tree import Combine
     from imdim.target.target import Target
 
+KERNEL = "@njit"  # in the text of a module that has some
 FEW_POINTS, BLUR = 200, 0.15  # of a small cloud, and how far they lie off its part
 SHOWN_EVERY_S = 0.2
 
@@ -67,6 +68,7 @@ def compile_kernels(stream: TextIO, cloud: bool = False) -> float:
 
 def _compile_stage(stage: KernelSet, stream: TextIO) -> None:
     start, before = time.perf_counter(), _misses(stage)
+    _forget_old_mark(stage)
     stage.mark(1)
     if _misses(stage) > before:
         alone = count_cores() < 2
@@ -157,6 +159,18 @@ def _forget_mark(stage: KernelSet) -> None:
     """Let the next run compile what this one did not get to."""
     for path in Path(stage.mark.stats.cache_path).glob(f"*{stage.mark.__name__}*"):
         path.unlink(missing_ok=True)
+
+
+def _forget_old_mark(stage: KernelSet) -> None:
+    """Compile again where a source tree has kernels that are newer than what was compiled, as after `git pull`; what is installed has all
+    its files from one build."""
+    compiled = [path.stat().st_mtime for path in Path(stage.mark.stats.cache_path).glob(f"*{stage.mark.__name__}*.nbi")]
+    package = Path(__file__).parents[1]
+    if not compiled or not (package.parents[1] / "pyproject.toml").is_file():
+        return
+    newer = (path for path in package.rglob("*.py") if path.stat().st_mtime > max(compiled))
+    if any(KERNEL in path.read_text(encoding="utf-8") for path in newer):
+        _forget_mark(stage)
 
 
 def _misses(stage: KernelSet) -> int:

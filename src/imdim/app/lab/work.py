@@ -20,6 +20,7 @@ from imdim.deadline import NEVER
 from imdim.delivery.deliver import RunRecord, deliver
 from imdim.delivery.evaluate import evaluate
 from imdim.delivery.finish import finish
+from imdim.detection.fit_surface import fit_surface
 from imdim.export.edit import open_delivered
 from imdim.geometry.winding import winding_number
 from imdim.program import codec
@@ -206,4 +207,5 @@ def warm_rest() -> None:
         solving.misfit(solved, target)
     ends, steps = np.array([0.0, 1.0]), np.ones(1)  # a box has no axes
     add_axial_density(np.zeros(1), np.zeros((1, 3)), np.zeros(3), np.eye(3), ends, steps, ends, steps)
+    fit_surface("sphere", np.concatenate([np.eye(3), -np.eye(3)]))
     mark_inside_cylinder(np.zeros(1, bool), np.zeros((1, 3)), np.zeros(3), np.zeros(3), 1.0)

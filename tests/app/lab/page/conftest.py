@@ -1,4 +1,5 @@
-"""One server, one browser and two clients for all tests of the page. `done`, whose part is reconstructed, is left as each test found it."""
+"""One server, one browser and one client whose part is reconstructed for all tests of the page: `done` is left as each test found it. Each
+file has a second client of its own, which its tests may leave as they like."""
 
 import pytest
 from tests.app.lab.page.browser import LabPage, chromium, inked, lab, red
@@ -30,7 +31,7 @@ def done(browser, server):
     page.close()
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def phone(browser, server):
     """A second client, in a window of a telephone's size from the first."""
     page = LabPage(browser, server.url, 390, 844)
