@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
 
-class _Corner(NamedTuple):
+class _LevelCorner(NamedTuple):
     """A corner of a leaf's drawing, that is extruded `along` an axis from where to where: its places along the other two, in the order of
     these, and the variables whose sums they are; and the radius by which it is rounded, if it is."""
 
@@ -40,7 +40,7 @@ def find_corner_contacts(system: LinearSystem, program: Program) -> tuple[list[t
     is from there along both others; of two that are rounded alike there also the difference of the radii."""
     slack = HAIR * system.length
     places, radii = list[tuple[int, Row]](), list[Row]()
-    known: dict[tuple[int, int, int], list[_Corner]] = defaultdict(list)
+    known: dict[tuple[int, int, int], list[_LevelCorner]] = defaultdict(list)
     for corner in _list_corners(system, program):
         cell = [round(place / (4 * slack)) for place in corner.places]
         near = [c for i in (-1, 0, 1) for j in (-1, 0, 1) for c in known.get((corner.along, cell[0] + i, cell[1] + j), ())]
@@ -53,12 +53,12 @@ def find_corner_contacts(system: LinearSystem, program: Program) -> tuple[list[t
     return places, radii
 
 
-def _meet(a: _Corner, b: _Corner, slack: float) -> bool:
+def _meet(a: _LevelCorner, b: _LevelCorner, slack: float) -> bool:
     apart = max(abs(p - q) for p, q in zip(a.places, b.places, strict=True))
     return apart <= 2 * slack and min(a.run[1], b.run[1]) >= max(a.run[0], b.run[0]) - slack
 
 
-def _list_corners(system: LinearSystem, program: Program) -> Iterator[_Corner]:
+def _list_corners(system: LinearSystem, program: Program) -> Iterator[_LevelCorner]:
     """The corners of extrusions along the world's axes at which a wall is seen, those that are sums of variables: not where arcs cross
     lines, or end beside them."""
     hidden = find_hidden_walls(program)
@@ -78,7 +78,7 @@ def _list_corners(system: LinearSystem, program: Program) -> Iterator[_Corner]:
                 if shown and vertex.reach is None and not any(_is_loose(v) for v in (ring[before], vertex)):
                     at, rows = drawing.place_corner(vertex)
                     radius = vertex.bulge.radius if isinstance(vertex.bulge, BendRadius) else None
-                    yield _Corner(leaf, along, run, (at[axes[0]], at[axes[1]]), (rows[axes[0]], rows[axes[1]]), radius)
+                    yield _LevelCorner(leaf, along, run, (at[axes[0]], at[axes[1]]), (rows[axes[0]], rows[axes[1]]), radius)
 
 
 def _is_loose(vertex: DrawnVertex[Sum]) -> bool:

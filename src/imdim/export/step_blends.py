@@ -181,10 +181,11 @@ class _State:
         return True
 
     def _add_exactly(self, pieces: Sequence[BlendSolid]) -> Manifold:
-        """The exact solid with some pieces, those that it has among them: only where something is filled in after cuts are these done
-        anew."""
+        """The exact solid with some pieces. It goes on from that with the last ones, but where one of these is no more, and where something
+        is filled in after cuts."""
         more = [piece for piece in pieces if piece not in self._pieces]
-        if all(piece.cuts for piece in more) or not any(piece.cuts for piece in self._pieces):
+        cuts_last = all(piece.cuts for piece in more) or not any(piece.cuts for piece in self._pieces)
+        if cuts_last and self._pieces <= set(pieces):
             return _blended(self._exact, more)
         return _blended(self._solid, pieces)
 

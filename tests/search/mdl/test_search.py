@@ -1,5 +1,7 @@
 """Another structure for a noisy cloud: the mixture says of a choice what the likelihood says, and the truth has the shortest message."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from tests.deadlines import PASSED
@@ -15,7 +17,7 @@ from imdim.program.cost import count
 from imdim.program.outline import Outline, ellipse
 from imdim.program.sequence import Step, map_terms, to_program, to_sequence
 from imdim.program.tree import Primitive, leaves
-from imdim.search.mdl import part_tables
+from imdim.search.mdl import part_tables, search
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.description_length import SKIN, description_length, length_of, numbers
 from imdim.search.mdl.local_search import own_moves, uses
@@ -259,6 +261,27 @@ def test_directions_that_parts_share_are_numbers_of_one():
     assert numbers(union(straight, leaning)) == 18
     assert numbers(union(straight, cylinder(1, 2), cylinder(1, 2, (5.0, 0.0, 0.0)))) == 19
     assert numbers(union(cylinder(1, 2), cylinder(1, 2, (5.0, 0.0, 0.0)))) == 12
+
+
+def test_a_hole_is_filled_by_what_has_the_points_that_nothing_explains(monkeypatch):
+    plate, post = box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))
+    points = cloud(union(plate, post))
+    far = [cylinder(2, 4, (x, 10.0, 0.0)) for x in (-15.0, 0.0)]
+    start = maximise_likelihood(plate, points, Noise(0.4))
+    offered = []
+
+    def note(scene, settled, others):
+        offered.append(set(others))
+        return BatchedLikelihood.of(scene, settled, others)
+
+    monkeypatch.setattr(search, "BatchedLikelihood", SimpleNamespace(of=note))
+    ends = [next(shorten(start, points, [post, *far], np.eye(3), NEVER, filling=filling)) for filling in (False, True)]
+    assert all(count(likely.program).primitives == 2 for likely, _ in ends)
+    everything, filling = offered
+    assert everything >= {post, *far}
+    assert post in filling
+    assert not filling & set(far)
+    assert len(filling) < len(everything)
 
 
 def test_parts_are_near_where_all_that_they_are_drawn_by_is():
