@@ -120,7 +120,7 @@ def test_searches_start_from_one_part_of_each_kind_and_from_a_program_and_the_sh
 def test_without_evolution_nothing_is_looked_for_anew(evolution, monkeypatch):
     asked = []
     monkeypatch.setattr(mdl._NoisyCloud, "_rebuild", lambda self, best, *_: asked.append(1) or best)
-    settings = Settings(checkpoint="none", evolution=evolution, budget_s=10.0)
+    settings = Settings(checkpoint="none", evolution=evolution, budget_s=60.0)
     *_, last = reconstruct(target_from(cloud(box(40, 30, 8))), settings, np.random.default_rng(0))
     assert asked == [1] * evolution
     assert count(last.program).primitives == 1
