@@ -13,6 +13,9 @@ if __name__ == "__main__":
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="hydra overrides, e.g. input=part.stl output=out/part seed=1")
     overrides = parser.parse_args().overrides
 
+    from imdim.side_process import leave_cores_to_copies
+
+    leave_cores_to_copies()
     from imdim.app.fit import main
     from imdim.app.orderly import run_in_order
     from imdim.reconstruction.config import from_hydra

@@ -101,7 +101,7 @@ def _run(args: argparse.Namespace, command: Sequence[str]) -> None:
     scorer = "" if args.scorer is None else str(args.scorer.absolute())
     limit = limits.seconds if args.limit or args.clock == "wall" else BUSY * limits.seconds
     task = Task(args.condition, scorer, tuple(command), limit, limits.mib, args.clock)
-    whole = ProcessLimits(limit + BESIDE_S, limits.mib + BESIDE_MIB)
+    whole = ProcessLimits(limit + BESIDE_S, limits.mib + BESIDE_MIB, limits.cores)
     with folder.open_batch(out, _noted(args, task, settings)):
         rows = _kept(out, parts, args.again)
         jobs = (_job(part, out, task, whole, settings) for part in parts if part.name not in rows)

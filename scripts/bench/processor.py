@@ -30,11 +30,13 @@ def children_s() -> float:
 
 
 def rule_the_clock() -> None:
-    """Let budgets and stages in this process count what it has of the processor, so that a busy machine changes nothing.
+    """Let budgets and stages in this process count what it has of the processor, so that a busy machine changes nothing; on one core, since
+    nobody counts what a copy of it has on another.
 
     To be called before anything of `imdim` is imported: a default argument keeps the clock that it found.
     """
     time.perf_counter = time.process_time
+    os.environ["OMP_NUM_THREADS"] = "1"
 
 
 if __name__ == "__main__":

@@ -18,13 +18,13 @@ import pytest
 import trimesh
 from tests.drawn import BORED
 
+from imdim import side_process
 from imdim.app.cli import main as imdim
 from imdim.app.fit import EXPORT_S, NOT_THE_PART, _EarlyStep, fit, one_line, summary
 from imdim.app.fit import main as run
 from imdim.app.orderly import run_in_order
 from imdim.app.piped import guess_format, load_piped
 from imdim.app.progress import show_progress
-from imdim.delivery import first_run
 from imdim.delivery.deliver import STEP_LIMIT_S
 from imdim.export import step_worker
 from imdim.geometry.solid import to_manifold, to_trimesh
@@ -535,7 +535,7 @@ def test_edges_are_told_with_the_way_to_draw_them() -> None:
 def test_opencascade_is_loaded_while_numbers_are_looked_for(monkeypatch, cores, early):
     """On another core, once the structure is found."""
     passed, started, stopped = [], [], []
-    monkeypatch.setattr(first_run, "count_cores", lambda: cores)
+    monkeypatch.setattr(side_process, "count_cores", lambda: cores)
     monkeypatch.setattr(step_worker, "start_worker", lambda: started.append(passed[-1]) or started)
     monkeypatch.setattr(step_worker, "stop_worker", stopped.append)
     with _EarlyStep() as step:

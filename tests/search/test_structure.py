@@ -1,11 +1,15 @@
 """Planted parts must be found again, from exact surfaces, with no more primitives than they were drawn with."""
 
+import os
+import sys
+
 import numpy as np
 import pytest
 from tests.deadlines import PASSED
 from tests.planted import PARTS, box, common, cut, cylinder, union
 from tests.search.planted_families import families_of, planted
 
+from imdim import side_process
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
@@ -77,6 +81,19 @@ def test_the_same_seed_finds_the_same():
     a, b = searched("bored ball", 3)[-1], searched("bored ball", 3)[-1]
     assert [(s.op, s.term) for s in a.sequence] == [(s.op, s.term) for s in b.sequence]
     assert a.objective == b.objective
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are for Linux")
+@pytest.mark.parametrize("name", list(PARTS)[:3])
+def test_two_cores_find_the_same(name, monkeypatch):
+    monkeypatch.setattr(side_process, "can_fork", lambda: False)
+    alone = [(f.sequence, f.objective) for f in searched(name)]
+    forks = []
+    fork = os.fork
+    monkeypatch.setattr(side_process, "can_fork", lambda: True)
+    monkeypatch.setattr(os, "fork", lambda: forks.append(fork()) or forks[-1])
+    assert [(f.sequence, f.objective) for f in searched(name)] == alone
+    assert forks
 
 
 def test_a_deadline_cuts_the_search_short():

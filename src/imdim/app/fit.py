@@ -182,8 +182,8 @@ class _EarlyStep:
 
     def watch(self, snapshots: Iterator[Snapshot]) -> Iterator[Snapshot]:
         """The snapshots; the process is started with the first whose structure is found."""
-        from imdim.delivery.first_run import count_cores
         from imdim.export.step_worker import StepError, start_worker
+        from imdim.side_process import count_cores
 
         for snapshot in snapshots:
             if self.worker is None and snapshot.stage in NEARLY_DONE and count_cores() > 1:

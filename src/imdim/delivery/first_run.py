@@ -14,7 +14,6 @@ makes text of numbers, for a second and a half.
 from __future__ import annotations
 
 import gc
-import os
 import subprocess
 import sys
 import time
@@ -25,6 +24,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
 from numba import njit
 from numba.core import event
+
+from imdim.side_process import count_cores
 
 try:
     import resource
@@ -129,11 +130,6 @@ def _helper(stage: KernelSet, alone: bool) -> Iterator[None]:
     finally:
         process.kill()
         process.wait()
-
-
-def count_cores() -> int:
-    """That this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _is_space_limited() -> bool:

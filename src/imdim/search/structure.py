@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -18,9 +19,11 @@ from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.lazy_bounds import GainBounds
 from imdim.search.lns import LocalConfig, RatedSequence, complete, grow, improve, prune, rate_sequence
 from imdim.search.pattern_steps import insert_patterns
-from imdim.search.sequence import Insertion, Price, cost, insertions, run
+from imdim.search.sequence import Insertion, Price, Sequence, cost, insertions, run
+from imdim.side_process import SideProcess
 
 _Finalist = tuple[RatedSequence, GainBounds]
+_Sent = tuple[Sequence, float]  # a sequence and its objective, over families that who receives it has
 
 
 @dataclass
@@ -62,7 +65,8 @@ def search(
     sharpener: Sharpener | None = None,
     start_by: Deadline | None = None,
 ) -> Iterator[RatedSequence]:
-    """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume.
+    """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume. What is independent
+    is computed side by side where there is a second core, with the same result.
 
     Past `start_by` (by default the `deadline`) there is no further start, the foremost get the rest of the time. With a sharpener the cells
     are added on which these are wrong unseen, and what is found from then on is judged on them too.
@@ -88,13 +92,34 @@ def search(
             if best is None or done.objective < best.objective * (1 - 1e-9):
                 best = done
                 yield best
-        for i, (start, known) in enumerate(finalists):
-            for found in improve(start, config.local, exact, rng, deadline, known):
-                finalists[i] = found, known
-                if best is None or found.objective < best.objective * (1 - 1e-9):
-                    best = found
-                    yield best
+        for i, found in _improve_each(finalists, config, exact, rng, deadline):
+            finalists[i] = found, finalists[i][1]
+            if best is None or found.objective < best.objective * (1 - 1e-9):
+                best = found
+                yield best
         finalists = _foremost(finalists, 1)
+
+
+def _improve_each(
+    finalists: list[_Finalist], config: StructureConfig, exact: Price, rng: np.random.Generator, deadline: Deadline
+) -> Iterator[tuple[int, RatedSequence]]:
+    """What local search makes of each, better and better, with its number: of the first here, of the others beside it."""
+    (first, *others), streams = list(enumerate(finalists)), rng.spawn(len(finalists))
+
+    def improved(numbered: tuple[int, _Finalist]) -> Iterator[tuple[int, RatedSequence]]:
+        i, (start, known) = numbered
+        return ((i, found) for found in improve(start, config.local, exact, streams[i], deadline, known))
+
+    def of_others(_: bool) -> Iterator[tuple[int, _Sent]]:
+        return ((i, _send(found)) for other in others for i, found in improved(other))
+
+    if not others:
+        yield from improved(first)
+        return
+    with SideProcess(of_others) as beside:
+        yield from improved(first)
+        for i, sent in beside:
+            yield i, _receive(sent, finalists[i][0].families)
 
 
 def _insert_patterns(done: _Finalist, config: StructureConfig, exact: Price, deadline: Deadline) -> _Finalist:
@@ -152,19 +177,51 @@ def _foremost(completed: list[_Finalist], count: int) -> list[_Finalist]:
 def _starts(
     families: Families, config: StructureConfig, exact: Price, deadline: Deadline, hurried: Callable[[], bool]
 ) -> Iterator[RatedSequence]:
-    """The beams of each schedule's first phase, carried through its phases; once `hurried`, only the first of each."""
-    seen: list[RatedSequence] = []
-    for schedule in config.schedules:
-        phases = [Price(step * exact.step, (excess, lack), kinds == "all") for excess, lack, step, kinds in schedule]
+    """The beams of each schedule's first phase, carried through its phases; once `hurried`, only the first of each.
+
+    Those of the first schedule are made here, and meanwhile those of the others beside it. Only of starts that are taken the work counts.
+    """
+    schedules = [[Price(step * exact.step, (excess, lack), kinds == "all") for excess, lack, step, kinds in s] for s in config.schedules]
+
+    def starts_of(number: int, apart: bool) -> Iterator[tuple[int, int, RatedSequence, float]]:
+        phases, before = schedules[number], families.work
         for place, state in enumerate(_beam(families, config, [*phases, exact][0], deadline)):
             if place and hurried():
                 break
             for phase in phases:
                 state = complete(rate_sequence(state.sequence, families, phase), config.local, phase, deadline)
-            start = prune(rate_sequence(state.sequence, families, exact), exact)
+            start, work = prune(rate_sequence(state.sequence, families, exact), exact), families.work - before
+            if not apart:
+                families.work = before
+            yield number, place, start, work
+            before = families.work
+
+    def of_others(apart: bool) -> Iterator[tuple[int, int, float, _Sent]]:
+        for number in range(1, len(schedules)):
+            for _, place, start, work in starts_of(number, apart):
+                yield number, place, work, _send(start)
+
+    with SideProcess(of_others) as beside:
+        received = ((number, place, _receive(sent, families), work) for number, place, work, sent in beside)
+        seen: list[RatedSequence] = []
+        left_out = -1
+        for number, place, start, work in chain(starts_of(0, False), received):
+            if number == left_out or (place and hurried()):
+                left_out = number
+                continue
+            families.work += work
             if len(_distinct([*seen, start])) > len(seen):
                 seen.append(start)
                 yield start
+
+
+def _send(found: RatedSequence) -> _Sent:
+    """What of it another process does not have."""
+    return found.sequence, found.objective
+
+
+def _receive(sent: _Sent, families: Families) -> RatedSequence:
+    return RatedSequence(*sent, families)
 
 
 def _beam(families: Families, config: StructureConfig, price: Price, deadline: Deadline) -> list[RatedSequence]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from imdim.app.fit import NOT_THE_PART
+from imdim.side_process import CORES
 
 LIMITED = str(Path(__file__).with_name("limited.py"))
 LOOK_S = 0.02
@@ -24,10 +25,12 @@ TIME, MEMORY = "time", "memory"
 
 @dataclass(frozen=True)
 class ProcessLimits:
-    """Wall clock in seconds and resident memory in MiB, of a process and its children together."""
+    """Wall clock in seconds, resident memory in MiB and cores, of a process and its children together; who sets OMP_NUM_THREADS says
+    himself how many cores there are for each."""
 
     seconds: float
     mib: float = math.inf
+    cores: int = 1
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class Process:
         self._start, self._peak, self._over = time.monotonic(), 0.0, ""
         # on macOS, without /proc, memory is not limited
         data = 0 if limits.mib == math.inf else int(limits.mib) + SLACK_MIB
-        threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+        threads = {CORES: str(limits.cores), "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
         with log.open("wb") as out:
             self._child = subprocess.Popen(
                 [sys.executable, "-I", "-S", LIMITED, str(os.getpid()), str(data), *command],

@@ -21,6 +21,7 @@ from imdim.app.batch.table import write_tables
 from imdim.app.cli import SETTINGS, settings_help
 from imdim.program.cost import describe_size
 from imdim.reconstruction.config import ConfigError, Settings, from_arguments
+from imdim.side_process import count_cores
 
 COMMAND = (sys.executable, "-m", "imdim.app.cli", "fit")
 GRACE_S = 60.0  # for start-up and delivery, beyond the budget, before a part is ended by force
@@ -97,7 +98,8 @@ def settings_of(given: argparse.Namespace) -> Settings:
 
 def limits_of(given: argparse.Namespace, settings: Settings) -> ProcessLimits:
     """Of every part, from `limit` and `memory`. Raises ConfigError, for `jobs` too."""
-    limits = ProcessLimits(given.limit or settings.budget_s + GRACE_S, given.memory)
+    cores = 1 if given.address else count_cores() // (given.jobs or 1)
+    limits = ProcessLimits(given.limit or settings.budget_s + GRACE_S, given.memory, max(1, cores))
     if limits.seconds <= 0 or limits.mib <= 0 or (given.jobs is not None and given.jobs < 1):
         raise ConfigError("--limit, --memory and --jobs need positive numbers")
     return limits

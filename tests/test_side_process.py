@@ -1,0 +1,89 @@
+"""A copy computes what the process itself would; one that is not wanted any more, or that ends too soon, harms nothing."""
+
+import os
+import signal
+import sys
+import time
+
+import pytest
+
+from imdim import side_process
+from imdim.side_process import SideProcess
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are for Linux")
+
+
+@pytest.fixture
+def two_cores(monkeypatch):
+    monkeypatch.setattr(side_process, "count_cores", lambda: 2)
+    monkeypatch.delenv(side_process.CORES, raising=False)
+    monkeypatch.delitem(sys.modules, "torch", raising=False)  # another test may have loaded it, and no copy here asks for it
+
+
+def places(apart):
+    return ((number, os.getpid(), apart) for number in range(3))
+
+
+def test_a_copy_yields_in_order(two_cores):
+    with SideProcess(places) as beside:
+        found = list(beside)
+    assert [number for number, *_ in found] == [0, 1, 2]
+    assert os.getpid() not in {process for _, process, _ in found}
+    assert all(apart for *_, apart in found)
+
+
+@pytest.mark.parametrize(
+    "forbid",
+    [
+        lambda patch: patch.setattr(side_process, "count_cores", lambda: 1),
+        lambda patch: patch.setenv(side_process.CORES, "1"),
+        lambda patch: patch.setitem(sys.modules, "torch", object()),
+        lambda patch: patch.setattr(os, "fork", lambda: (_ for _ in ()).throw(BlockingIOError)),
+    ],
+)
+def test_where_there_can_be_no_copy_it_is_computed_here_when_it_is_asked_for(two_cores, monkeypatch, forbid):
+    forbid(monkeypatch)
+    made = []
+    with SideProcess(lambda apart: (made.append(apart) or number for number in range(3))) as beside:
+        assert made == []
+        assert [next(beside), made] == [0, [False]]
+        assert list(beside) == [1, 2]
+
+
+def test_what_a_copy_that_ends_too_soon_leaves_is_computed_here(two_cores):
+    here = os.getpid()
+
+    def dies():
+        yield "first"
+        if os.getpid() != here:
+            os.kill(os.getpid(), signal.SIGKILL)
+        yield "second"
+
+    with SideProcess(lambda _: dies()) as beside:
+        assert list(beside) == ["first", "second"]
+
+
+def test_an_error_is_the_same_here(two_cores):
+    def breaks():
+        yield 1
+        raise ValueError("no third")
+
+    with pytest.raises(ValueError, match="no third"), SideProcess(lambda _: breaks()) as beside:
+        list(beside)
+
+
+def test_a_copy_ends_with_its_context_and_changes_nothing_here(two_cores):
+    changed = []
+
+    def goes_on():
+        changed.append(1)
+        yield os.getpid()
+        time.sleep(60)
+
+    started = time.monotonic()
+    with SideProcess(lambda _: goes_on()) as beside:
+        copy = next(beside)
+    with pytest.raises(ProcessLookupError):
+        os.kill(copy, 0)
+    assert changed == []
+    assert time.monotonic() - started < 30
