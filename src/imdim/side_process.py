@@ -22,8 +22,8 @@ CORES = "OMP_NUM_THREADS"  # how many cores a person wants used, as numeric libr
 
 
 def leave_cores_to_copies() -> None:
-    """Where nobody says otherwise, numpy's matrices take one core, to be called before it is imported: those of a fit are small, and threads
-    that wait for one another take more time than they save."""
+    """Where nobody says otherwise, numpy's matrices take one core, if this is called before it is imported: those of a fit are small, and
+    threads that wait for one another take more time than they save."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 

@@ -31,6 +31,9 @@ def _run_command(argv: Sequence[str] | None) -> int:
     parser.add_argument("command", choices=list(COMMANDS), help=about)
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="arguments of the command")
     given = parser.parse_args(argv)
+    from imdim.side_process import leave_cores_to_copies
+
+    leave_cores_to_copies()
     from imdim.reconstruction.config import ConfigError
 
     try:
@@ -64,9 +67,6 @@ def fit_parser() -> argparse.ArgumentParser:
 def _fit(argv: Sequence[str]) -> int:
     # intermixed: `imdim fit part.stl -o out size_weight=0.001` has a positional after an option
     given = fit_parser().parse_intermixed_args(argv)
-    from imdim.side_process import leave_cores_to_copies
-
-    leave_cores_to_copies()
     from imdim.app.fit import main as run
     from imdim.reconstruction.config import from_arguments
 
