@@ -3,9 +3,11 @@
 import math
 
 import pytest
+from tests.deadlines import PASSED
 from tests.export.test_outlines import opened
 
 from imdim.export.edit import change_values, open_delivered, solid_of
+from imdim.export.parameters import parametrise
 from imdim.geometry.census import census_of
 from imdim.geometry.solid import bounds_of
 from imdim.program.codec import dumps, parse
@@ -42,6 +44,12 @@ def test_a_hole_near_the_end_of_a_plate_follows_that():
     _, right, _, _ = _bounds(edited.outline.loops[0])
     assert right == pytest.approx(27.0)
     assert sorted(sum(_bounds(loop)[:2]) / 2 for loop in edited.outline.loops[1:]) == pytest.approx([-23.0, 23.0])
+
+
+def test_without_time_faces_are_not_kept_apart():
+    plate = _plate(rectangle(60.0, 30.0).loops[0], circle(1.7, -26.0, 0.0), circle(1.7, 26.0, 0.0))
+    assert 4.0 not in parametrise(plate, (), plate, deadline=PASSED).values.values()
+    assert 4.0 in parametrise(plate, (), plate).values.values()
 
 
 def test_holes_that_nothing_is_near_have_a_spacing():

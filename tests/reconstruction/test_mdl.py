@@ -14,8 +14,9 @@ from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
 from imdim.program.outline import Outline
-from imdim.program.tree import Primitive, leaves
+from imdim.program.tree import Primitive, combine_all, leaves
 from imdim.reconstruction import mdl, methods
+from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
 from imdim.reconstruction.observation import UnitBody, UnseenError, observe
@@ -274,10 +275,21 @@ def test_a_noisy_clouds_time_is_not_spent_on_the_decision_tree(noisy):
     seen = SimpleNamespace(noisy=noisy, error=lambda _: 1.0, faceting=0.0, evidence=SimpleNamespace(tree=lambda _: asked.append(seen)))
     run = SimpleNamespace(seen=seen, part_of=lambda _: NEVER)
     found = methods.MethodStep("search", Primitive("sphere", (1.0,)))
-    assert methods._grow_if_poor(run, found) is found
+    assert methods._grow_if_poor(run, found) == found
     assert asked == ([] if noisy else [seen])
     methods._grow_if_poor(run, None)  # but where there is nothing, it is
     assert asked[-1] is seen
+
+
+@pytest.mark.parametrize(("left", "long", "taken"), [(NEVER, 3, True), (PASSED, 3, False), (NEVER, 200, False)])
+def test_a_tree_is_taken_where_time_is_left_to_write_it_down(left, long, taken):
+    tree = combine_all("union", [box(1, 1, 1, (2.0 * i, 0.0, 0.0)) for i in range(long)])
+    found = methods.MethodStep("search", box(9, 9, 9))
+    price = {tree: 1.0, found.program: 2.0}
+    seen = SimpleNamespace(noisy=False, error=lambda _: 1.0, faceting=0.0, evidence=SimpleNamespace(tree=lambda _: tree), price=price.get)
+    run = SimpleNamespace(seen=seen, part_of=lambda _: left, budget=Budget(1.0))
+    step = methods._grow_if_poor(run, found)
+    assert (step.program is tree, step.stop) == (taken, "finished" if taken else methods.CUT)
 
 
 @pytest.mark.parametrize("noisy", [True, False])

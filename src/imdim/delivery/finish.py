@@ -77,7 +77,7 @@ def finish(
         constraints = without_hidden(program, holding(program, constraints))
         delivered = finish_flat(program, deadline=deadline, edges=edges)
         constraints = without_loose(program, constraints, delivered)
-        delivered, named, _ = _settle(delivered, parametrise(program, constraints, delivered), None)
+        delivered, named, _ = _settle(delivered, parametrise(program, constraints, delivered, deadline=deadline), None)
         order = tuple(range(count(program).primitives))
         return FinishedProgram(delivered, _rename(delivered, constraints, named), named, None, order=order).with_edges(edges)
     place = {old: new for new, old in enumerate(folding.order)}
@@ -88,7 +88,7 @@ def finish(
     folded = with_leaves(folded, finish_flat(given, folded, deadline, edges))
     delivered = expand(folded)
     constraints = without_loose(given, constraints, delivered, folded)
-    delivered, named, folded = _settle(delivered, parametrise(given, constraints, delivered, folded), folded)
+    delivered, named, folded = _settle(delivered, parametrise(given, constraints, delivered, folded, deadline=deadline), folded)
     return FinishedProgram(delivered, _rename(delivered, constraints, named), named, folded, order=folding.order).with_edges(edges)
 
 
@@ -117,7 +117,9 @@ def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadli
 
 def _hide_ends(program: Program, folded: Folded | None, deadline: Deadline, edges: Sequence[EdgeFeature]) -> Program:
     """A program with ends that nothing is seen of far out in the air, unless an edit takes them along with a face that is seen, and walls
-    of drawings as far out where nothing is seen of them."""
+    of drawings as far out where nothing is seen of them; as it is past the `deadline`."""
+    if deadline.has_passed():
+        return program
     before, blended = program, _faces_at_edges(edges)
     for masks in (True, False):  # what ends beyond a mask's end follows that
         kept = blended | {(end.leaf, plane_face(end.local)) for end in find_followed_ends(program)}

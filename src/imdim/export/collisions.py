@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.export.followers import BETWEEN_AXES, FROM_EDGE, GAP, OFFSET, SHOULDER, WALL, rank_followers
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.reduction import Reduced
@@ -36,21 +37,21 @@ MOST_SPANS = 3000  # of a program: their pairs are looked at
 Solved = Mapping[int, Mapping[int, float]]
 
 
-def solve_apart(system: LinearSystem, program: Program) -> tuple[dict[int, dict[int, float]], set[int]]:
+def solve_apart(system: LinearSystem, program: Program, deadline: Deadline = NEVER) -> tuple[dict[int, dict[int, float]], set[int]]:
     """What follows from what, as `LinearSystem.solve` has it, and the variables that move only what is not seen; `program` is the one
-    delivered. Faces are kept apart, the nearest first, where fewer names move faces past each other then."""
+    delivered. Faces are kept apart, the nearest first, where fewer names move faces past each other then, until the `deadline`."""
     reduced = system.reduce()
     solved = system.solve(reduced)
     unseen = find_unseen(system, solved, program)
     spans = [*list_spans(system, program), *list_turned_spans(system, program)]
-    if not 1 < len(spans) <= MOST_SPANS:
+    if not 1 < len(spans) <= MOST_SPANS or deadline.has_passed():
         return solved, unseen
     found = _Spans(system, sorted(spans, key=lambda s: s.leaf), signs(program))
     state = _Solution(solved, unseen, found.find_hazards(solved, unseen), reduced)
     tried = set[tuple[int, int]]()
     for _ in range(min(TRIES, MOST_WORK // (len(spans) * len(system.start)))):
         hazard = next((h for h in state.hazards if (h.first, h.second) not in tried), None)
-        if hazard is None:
+        if hazard is None or deadline.has_passed():
             break
         tried.add((hazard.first, hazard.second))
         state = _keep_apart(system, program, found, hazard, state) or state

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
+from imdim.deadline import NEVER, Deadline
 from imdim.export.collisions import solve_apart
 from imdim.export.drawn_vertex import BendRadius, DrawnEllipse, DrawnRing, DrawnVertex, map_ring, numbers_of
 from imdim.export.elimination import MOST_NAMED, LinearSystem, vector
@@ -99,18 +100,20 @@ def parametrise(
     delivered: Program,
     folded: Folded | None = None,
     values: Mapping[str, float] | None = None,
+    deadline: Deadline = NEVER,
 ) -> Parameters:
     """Names and expressions for the numbers of `delivered`, from constraints that hold for `program`; places are named along the part's own
     directions.
 
     Both have the same leaves but for what `overshoot` and rounding changed, which becomes a constant of the expression. `folded`, which
     `delivered` is the expansion of, adds what its repeats say, and their counts. Names in `values` get these instead of those of `program`.
-    A program of more than MOST_NAMED primitives, copies counted, has names for its counts alone.
+    A program of more than MOST_NAMED primitives, copies counted, has names for its counts alone. Past the `deadline` no more faces are kept
+    apart that a change of a name would move past each other.
     """
     if count(program).primitives > MOST_NAMED:
         return Parameters.none(delivered, folded)
     label = label_features(delivered, constraints, folded)
-    named = _parametrise(program, constraints, delivered, folded, values or {}, label)
+    named = _parametrise(program, constraints, delivered, folded, values or {}, label, deadline)
     return replace(named, notes=feature_notes(delivered, label, folded), labels=label)
 
 
@@ -121,17 +124,18 @@ def _parametrise(
     folded: Folded | None,
     values: Mapping[str, float],
     label: Sequence[str],
+    deadline: Deadline,
 ) -> Parameters:
     if own := find_own_directions(delivered):
         turned = own.turn_program(delivered)
         held = own.keep_constraints(constraints, turned)
-        named = _parametrise(own.turn_program(program), held, turned, folded and own.turn_folded(folded), values, label)
+        named = _parametrise(own.turn_program(program), held, turned, folded and own.turn_folded(folded), values, label, deadline)
         centers, loops = tuple(map(own.in_world, named.centers)), tuple(map(own.turn_loop, named.loops))
         return replace(named, centers=centers, loops=loops, own=OwnPlaces(own, named.centers, named.loops))
     fixed: set[int] = set()
     while True:
         system = LinearSystem.of(program, constraints, delivered, folded, fixed)
-        named = _shift_constants(_share_corners(_express_numbers(system, program, label, delivered)), values)
+        named = _shift_constants(_share_corners(_express_numbers(system, program, label, delivered, deadline)), values)
         if folded is None:
             return named
         looped, broken = add_loops(named, folded, label, longest(leaves(delivered)))
@@ -215,8 +219,8 @@ def _counts(loop: Loop, counts: dict[str, int]) -> tuple[int, ...]:
     return tuple(counts[name] for name in loop.counts) or (2,)
 
 
-def _express_numbers(system: LinearSystem, program: Program, label: Sequence[str], delivered: Program) -> Parameters:
-    found, unseen = solve_apart(system, delivered)
+def _express_numbers(system: LinearSystem, program: Program, label: Sequence[str], delivered: Program, deadline: Deadline) -> Parameters:
+    found, unseen = solve_apart(system, delivered, deadline)
     solved = {v: _terms(row, system, unseen) for v, row in found.items()} | {v: [] for v in unseen}
     names = _names(program, label, system, solved, BoreWords.of(delivered), size_words(delivered))
     after = vector(list(leaves(delivered)))

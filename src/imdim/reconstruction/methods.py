@@ -61,6 +61,8 @@ CUT = "budget_spent"  # how a method ended that time has cut short
 TOUCHED = 1e-2  # of the volume; a search that leaves more is followed by a short evolution, which mends little that is smaller
 LONG = 40  # primitives; so is one whose program is this long, which evolution shortens
 POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
+# a tree has hundreds of primitives: so many are named, written and drawn in the time that is kept for any program, each more takes so long
+WRITTEN, WRITTEN_S = 60, 0.015
 TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 BEYOND_DOUBT = 0.9  # times the bits, that a description has at most that is chosen: prices are counted in a few hundred designs
@@ -491,12 +493,16 @@ def _grow_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
     if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if best.stop == CUT else POOR) + seen.faceting):
         return best
     deadline = run.part_of("fit")
+    if best is not None and deadline.has_passed():  # to write out a tree takes longer yet than to grow one
+        return best.cut_if(True)
     program = run.seen.evidence.tree(deadline)
     if best is None:
         return None if program is None else MethodStep("tree", program).cut_if(deadline.has_passed())
-    if program is not None and seen.price(program) < seen.price(best.program):
-        best = replace(best, stage="tree", program=program)
-    return best.cut_if(deadline.has_passed())
+    if program is None or seen.price(program) >= seen.price(best.program):
+        return best.cut_if(deadline.has_passed())
+    if WRITTEN_S * (count(program).primitives - WRITTEN) > run.budget.whole_s - run.budget.seconds():
+        return best.cut_if(True)
+    return replace(best, stage="tree", program=program).cut_if(deadline.has_passed())
 
 
 def _propose_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
