@@ -32,7 +32,8 @@ UNNAMED = 1e-3  # of it: a gap that is no wider stays as it is, and has no name:
 TRIES = 120  # of equations
 DISTANCES = (GAP, FROM_EDGE, BETWEEN_AXES, OFFSET)
 MOST_WORK = 20_000_000  # tries times spans times variables, which take some seconds
-MOST_SPANS = 3000  # of a program: their pairs are looked at
+MOST_SPANS = 3000  # of a program: their pairs are looked at,
+MOST_PAIRS = 10_000  # so many at a time
 
 Solved = Mapping[int, Mapping[int, float]]
 
@@ -133,6 +134,18 @@ class _Distance(NamedTuple):
         return sum_rows((self.row, 1.0), ({name: 1.0}, -1.0 if self.value > 0 else 1.0))
 
 
+class _Pairs(NamedTuple):
+    """Pairs of spans [p] that touch as seen along their axis, the `first` of them before the `second`: which lies above which by what
+    `gaps`, and whether the second does (`way` 1) or the first (-1)."""
+
+    first: np.ndarray
+    second: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    gaps: np.ndarray
+    way: int
+
+
 class _Spans:
     """The spans of a program as arrays; `sign` is -1 of leaves that cut."""
 
@@ -144,22 +157,33 @@ class _Spans:
         self._slack = SLACK * system.length
         groups = {only: number for number, only in enumerate(dict.fromkeys(s.only for s in spans))}
         self._groups = np.array([groups[s.only] for s in spans])
-        flat = self._ends[:, 1] - self._ends[:, 0] <= self._slack
-        self._pairs = [(near, flat[near] & flat[j]) for j, near in enumerate(map(self._near, range(len(spans))))]
+        self._pairs = self._list_pairs()
 
     def find_hazards(self, solved: Solved, unseen: Collection[int]) -> list[Hazard]:
         """The pairs of spans that a tenth of a name moves past each other, the nearest first."""
         moves, used = self._moves(solved, unseen)
         found: list[Hazard] = []
-        for j, (near, flat) in enumerate(self._pairs):
-            for low, high, way in ((j, near, 1), (near, j, -1)):  # which lies above which
-                gaps = self._ends[low, 0] - self._ends[high, 1]
-                apart = np.abs(moves[low, 0] - moves[high, 1])
-                crossed = (apart > self._slack) & (apart >= gaps[:, None]) & (gaps >= -self._slack)[:, None]
-                crossed &= ((gaps > self._slack) | flat)[:, None]
-                pairs, names = np.nonzero(crossed)
-                found += [Hazard(int(near[i]), j, int(used[w]), way * float(gaps[i])) for i, w in zip(pairs, names, strict=True)]
+        for first, second, low, high, gaps, way in self._pairs:
+            apart = np.abs(moves[low, 0] - moves[high, 1])
+            pairs, names = np.nonzero((apart > self._slack) & (apart >= gaps[:, None]))
+            lists = first[pairs], second[pairs], used[names], way * gaps[pairs]
+            found += map(Hazard, *(values.tolist() for values in lists))
         return sorted(found, key=lambda h: (abs(h.gap), h.second, h.first))
+
+    def _list_pairs(self) -> list[_Pairs]:
+        """Those that may be moved past each other: the later one above the earlier first, then below it, some at a time."""
+        flat = self._ends[:, 1] - self._ends[:, 0] <= self._slack
+        near = [self._near(j) for j in range(len(self._spans))]
+        second = np.repeat(np.arange(len(near)), [len(each) for each in near])
+        first = np.concatenate(near)
+        found: list[_Pairs] = []
+        for start in range(0, len(first), MOST_PAIRS):
+            one, two = first[start : start + MOST_PAIRS], second[start : start + MOST_PAIRS]
+            for low, high, way in ((two, one, 1), (one, two, -1)):
+                gaps = self._ends[low, 0] - self._ends[high, 1]
+                some = (gaps > self._slack) | ((gaps >= -self._slack) & flat[one] & flat[two])
+                found.append(_Pairs(one[some], two[some], low[some], high[some], gaps[some], way))
+        return found
 
     def _moves(self, solved: Solved, unseen: Collection[int]) -> tuple[np.ndarray, np.ndarray]:
         """How far a tenth of each name moves both sides of each span, [n, 2, m], and which variables these names are [m]."""

@@ -10,13 +10,11 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from trimesh import Trimesh
 
 from imdim.export.seats import ends_of, place_of, world_axis
-from imdim.export.seen_walls import TRACE, rows_of_walls
-from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.export.seen_walls import TRACE, rows_of_walls, surface_of
 from imdim.geometry.lowering import lower
-from imdim.geometry.solid import exact_rotation, surface_with_owners
+from imdim.geometry.solid import exact_rotation
 from imdim.program.tree import FLAT_ENDS, Program, leaves, longest
 
 if TYPE_CHECKING:
@@ -33,7 +31,7 @@ class SeenPlanes:
     """The flat triangles of a solid that look along the world's axes, by axis: a box [n, 3], [n, 3] around each."""
 
     def __init__(self, program: Program, slack: float = LEVEL) -> None:
-        surface, _ = _surface_of(program)
+        surface, _ = surface_of(program)
         self._slack = slack * longest(leaves(program))
         corners = surface.triangles
         flat = np.abs(surface.face_normals) > FACING
@@ -47,14 +45,9 @@ class SeenPlanes:
         return bool(((lows <= high + reach) & (highs >= low - reach)).all(1).any())
 
 
-@lru_cache(maxsize=4)
-def _surface_of(program: Program) -> tuple[Trimesh, np.ndarray]:
-    return surface_with_owners(program, CHECK_SEGMENTS)
-
-
 def find_seen_reach(program: Program) -> dict[int, tuple[np.ndarray, np.ndarray]]:
     """Of each leaf that has a part in the surface the low and high corner [3] of a box around that part."""
-    surface, owners = _surface_of(program)
+    surface, owners = surface_of(program)
     corners = surface.triangles
     own = {int(leaf): corners[owners == leaf].reshape(-1, 3) for leaf in np.unique(owners[owners >= 0])}
     return {leaf: (at.min(0), at.max(0)) for leaf, at in own.items()}
@@ -66,7 +59,7 @@ def find_hidden_ends(program: Program, turned: bool = False) -> frozenset[tuple[
     with `turned` also those of outlines that are turned."""
     parts, numbers = list(leaves(program)), lower(program)
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if turned or e.column >= 0]
-    surface, _ = _surface_of(program)
+    surface, _ = surface_of(program)
     slack, least = LEVEL * longest(parts), TRACE * surface.area
     levels = [_levels(surface.triangles_center[:, a], surface.face_normals[:, a], surface.area_faces, least, slack) for a in range(3)]
     return frozenset((e.leaf, e.axis, e.side) for e in ends if not _is_near(levels[e.axis], place_of(e, parts), slack))
@@ -75,7 +68,7 @@ def find_hidden_ends(program: Program, turned: bool = False) -> frozenset[tuple[
 def _sizes_aslant(program: Program) -> dict[tuple[int, int], bool]:
     """By leaf and column the sizes between plane ends that look along none of the world's axes, but for those of cones, and whether one of
     both has a part in the surface."""
-    surface, _ = _surface_of(program)
+    surface, _ = surface_of(program)
     slack, least = LEVEL * longest(leaves(program)), TRACE * surface.area
     found: dict[tuple[int, int], bool] = {}
     for leaf, part in enumerate(leaves(program)):

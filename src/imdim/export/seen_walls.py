@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from trimesh import Trimesh
 
 from imdim.export.drawn_vertex import DrawnVertex, numbers_of, numbers_of_bend
 from imdim.export.outline_joints import Row
@@ -63,10 +64,16 @@ class _Facets(NamedTuple):
 
 
 @lru_cache(maxsize=4)
+def surface_of(program: Program) -> tuple[Trimesh, np.ndarray]:
+    """Its surface, and the leaf that made each face."""
+    return surface_with_owners(program, CHECK_SEGMENTS)
+
+
+@lru_cache(maxsize=4)
 def find_hidden_walls(program: Program) -> frozenset[Wall]:
     """The walls of extrusions, and of what is turned, of which nothing is seen."""
     parts = list(leaves(program))
-    surface, _ = surface_with_owners(program, CHECK_SEGMENTS)
+    surface, _ = surface_of(program)
     slack, least = LEVEL * longest(parts), TRACE * surface.area
     found = set[Wall]()
     for i, part in enumerate(parts):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -60,6 +61,7 @@ EXACT = 1e-9  # degrees by which equal directions differ
 TENTH = 10.0  # of an outline's size is the coarsest grid that its middle is put on, a hundredth of that the finest
 ROUND = 1e-9  # of its size: a middle as near to the finest is round as it is
 REGULAR = 5e-3  # of a polygon's extent, within which it is a regular one
+KEPT = 256  # leaves that were snapped: one that does not bear a rounding is offered the finer ones again with the other leaves'
 
 
 def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0), inches: bool = False, bits: float = 0.0) -> Outline:
@@ -141,6 +143,7 @@ def _tidy_loop(loop: Loop, dx: float, dy: float) -> Loop:
     return tuple((tidy(x - dx), tidy(y - dy), b) for x, y, b in loop)
 
 
+@lru_cache(KEPT)
 def snap_leaf(leaf: Primitive, tolerance: float, inches: bool = False, bits: float = 0.0) -> Primitive:
     """The leaf with a round outline, about whose middle its centre is; of one along the world's axes, the places in the world are round.
     See `snap_outline`."""

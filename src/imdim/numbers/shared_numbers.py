@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -23,6 +24,7 @@ ONE = 1e-10  # of the largest size, within which numbers are one already: what a
 SAME_LENGTH = 1.5e-3  # of a length: small ones that differ by more are two, however large the part
 BEYOND = 0.2  # of how far numbers are apart: by how much the one in their place may lie outside
 FINE = 1e-7  # of a leaf's largest size: about what texts tell apart
+KEPT = 1024  # leaves with a number at its target: where not all numbers can be, halves of them are tried
 
 Parts = tuple[Primitive, ...]
 Number = tuple[int, float]  # the axis of the world along which a place is, or LENGTH for a length; and its value
@@ -72,6 +74,7 @@ def share_number(parts: Parts, shared: SharedNumber) -> Parts:
     return tuple(_share(leaf, shared) for leaf in parts)
 
 
+@lru_cache(KEPT)
 def _share(leaf: Primitive, shared: SharedNumber) -> Primitive:
     values = Values.of([leaf])
     index = [i for i, number in enumerate(_read(values)) if shared.holds(number)]

@@ -109,7 +109,9 @@ class LeafCache:
             self._fill_outlined(ids[~simple], rows[~simple])
 
     def _fill_outlined(self, ids: np.ndarray, rows: np.ndarray) -> None:
-        """Outlines have no loop in single precision: theirs is the leaf table of `geometry`."""
-        parts = [self.registry.primitives[i] for i in ids]
-        values = kernels.leaf_table(*pack_all(parts), self._xyz.T.astype(float), Outlines.of(parts))
-        self.table[rows] = pack_words(values < 0) if self.content == "bits" else values
+        """Outlines have no loop in single precision: theirs is that of `geometry`, which knows what they hold long before distances."""
+        parts, points = [self.registry.primitives[i] for i in ids], self._xyz.T.astype(float)
+        if self.content == "bits":
+            self.table[rows] = pack_words(kernels.inside_each(parts, points))
+        else:
+            self.table[rows] = kernels.leaf_table(*pack_all(parts), points, Outlines.of(parts))
