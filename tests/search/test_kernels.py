@@ -14,8 +14,6 @@ from imdim.search.kernels import (
     axial_best,
     best_box,
     best_interval,
-    changeable_cells,
-    count_apart,
     group_rows,
     merge_rows,
     merge_slabs,
@@ -50,7 +48,7 @@ def test_the_best_interval_of_each_axial_family():
     slots = Slots(np.concatenate([np.array(s, np.int32) for s in in_cell]), int(ends[-1]), starts)
     for sign in (1.0, -1.0):
         out = np.empty((3, 3))
-        axial_best(slots.sum_values(np.flatnonzero(field), field[np.flatnonzero(field)]), ends, sign, out)
+        axial_best(sign * slots.sum_values(np.flatnonzero(field), field[np.flatnonzero(field)]), ends, out)
         for row, m, b, w in zip(out, members, bins, widths, strict=True):
             sums = np.array([sign * field[m[b == k]].sum() for k in range(w)])
             assert row[0] == pytest.approx(slow_interval(sums))
@@ -192,15 +190,6 @@ def test_merged_rows_are_in_order_and_groups_of_all(sizes):
     assert np.array_equal(group, expected_group.reshape(-1))
 
 
-def test_bits_apart_are_counted():
-    bits = np.random.default_rng(4).integers(0, 2**64, (5, 7), np.uint64)
-    bits[3] = ~bits[0]
-    rows = np.array([0, 2, 3])
-    flags = np.unpackbits(bits.view(np.uint8), axis=1)
-    assert count_apart(bits, rows, 0).tolist() == (flags[rows] != flags[0]).sum(axis=1).tolist()
-    assert count_apart(bits, rows, 0)[[0, 2]].tolist() == [0, 7 * 64]
-
-
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 127, 128, 129, 136, 1000, 70_001])
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_chosen_values_are_added_up_as_numpy_does(count, share):
@@ -208,22 +197,6 @@ def test_chosen_values_are_added_up_as_numpy_does(count, share):
     values, flags = rng.random(count) * 10.0 ** rng.uniform(-9, 0, count), rng.random(count) < share
     assert sum_where(values, flags, True) == values[flags].sum()
     assert sum_where(values, flags, False) == values[~flags].sum()
-
-
-def test_cells_that_a_term_can_change():
-    rng = np.random.default_rng(5)
-    free, state, gain = rng.random(90) < 0.7, rng.random(90) < 0.5, rng.integers(-9, 9, 90).astype(float)
-    none = np.zeros(0, bool)
-    empty, held, differs, won = changeable_cells(free, state, gain, none, none)
-    assert np.array_equal(empty, free & ~state)
-    assert np.array_equal(held, free & state)
-    assert differs == (True, True)
-    assert won == gain[held].sum()
-    assert changeable_cells(free, state, gain, empty, held)[2] == (False, False)
-    last = empty.copy()
-    last[-1] = not last[-1]
-    assert changeable_cells(free, state, gain, last, held)[2] == (True, False)
-    assert changeable_cells(free, state, gain, empty, ~held)[2] == (False, True)
 
 
 def test_flags_are_picked():

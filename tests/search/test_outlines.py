@@ -219,7 +219,7 @@ def test_what_is_cut_away_ends_beyond_the_part():
     filled = inside(frame.apply(plate), cells.points)
     upright = next(i for i, p in enumerate(outlines.planes) if p.kind == "extrude" and abs(p.frame[2, 2]) > 0.99)
     sums = outlines.slots[upright].sum_values(np.arange(len(filled)), np.where(filled, -cells.gain, 0.0))
-    _, drawn = outlines.best(upright, sums, 1.0, 0.0)
+    drawn = outlines.best(upright, sums, 0.0)
     assert drawn is not None
     _, ranges, faces = drawn
     wider = outlines.widen(upright, ranges, faces, filled)

@@ -24,7 +24,9 @@ from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
 from imdim.search.group_sums import Slots
 from imdim.search.kernels import axial_best, best_box, box_best, merge_slabs
+from imdim.search.look_kernels import Groups
 from imdim.search.outline_families import NO_PLANES, OutlineCells, PricedPlanes
+from imdim.search.outline_plane import pack_graphs
 
 ALONG_AXIS = 1 - 1e-12  # largest component of a direction along an axis of the world
 
@@ -43,7 +45,7 @@ class _Grid(NamedTuple):
     """The `shape` of a box frame's grid, the `places` [s, 3] of it that hold cells, in their order, and the slot of each cell among these:
     of many planes most of a grid is empty."""
 
-    slots: Slots
+    slots: np.ndarray
     places: np.ndarray
     shape: tuple[int, int, int]
 
@@ -71,7 +73,22 @@ class Families:
     @cached_property
     def slots(self) -> list[Slots]:
         """Where each group sums the cells: the curved families' slabs in one long row, the boxes' grids, the faces and levels of planes."""
-        return [self._pack_axial(), *(grid.slots for grid in self._grids), *self.outlines.slots]
+        boxes = (Slots(grid.slots, len(grid.places)) for grid in self._grids)
+        return [self._pack_axial(), *boxes, *self.outlines.slots]
+
+    @cached_property
+    def packed(self) -> Groups:
+        """The groups as the compiled look takes them."""
+        axial, *rest = self.slots
+        assert axial.starts is not None
+        table = np.empty((len(rest), len(self.cells.points)), np.int32)
+        for row, slots in zip(table, rest, strict=True):
+            row[:] = slots.slots
+        firsts = np.cumsum([0, *(slots.size for slots in self.slots)])
+        places = np.concatenate([np.empty((0, 3), np.int32), *(grid.places for grid in self._grids)])
+        shapes = np.array([grid.shape for grid in self._grids], np.int64).reshape(-1, 3)
+        graphs = pack_graphs(self.outlines.planes)
+        return Groups(table, axial.starts, axial.slots, firsts, self._ends, places, shapes, self.outlines.table_sizes, *graphs)
 
     @cached_property
     def _grids(self) -> list[_Grid]:
@@ -99,25 +116,30 @@ class Families:
         held = np.flatnonzero(numbers == 0)
         numbers[held] = np.arange(len(held))
         places = np.column_stack(np.unravel_index(held, (a, b, c))).astype(np.int32)
-        return _Grid(Slots(numbers[at], len(held)), places, (a, b, c))
+        return _Grid(numbers[at], places, (a, b, c))
 
     @property
     def groups(self) -> int:
-        """Number of groups for `best_of`: the curved families together, each box frame, and each plane of outlines."""
+        """Number of groups: the curved families together, each box frame, and each plane of outlines."""
         return 1 + len(self.arrangement.frames) + len(self.outlines.planes)
 
-    def best_of(self, group: int, sums: np.ndarray, sign: float, floor: float = 0.0) -> tuple[float, Candidate | None]:
-        """The candidate of one group that wins most by `sign` times the sums over its `slots`, where that is above `floor`; before it what
-        it wins, or else what none of the group is above."""
-        self.work += len(self.cells.points)
+    def count_asked(self, groups: int) -> None:
+        """So many groups were asked."""
+        self.work += groups * len(self.cells.points)
+
+    def candidate_of(
+        self, group: int, count: int, most: float, ranges: list[int], wins: np.ndarray, faces: np.ndarray
+    ) -> tuple[float, Candidate | None]:
+        """What a compiled look found in one group, and before it what it wins; for an outline the first of `count` that can be drawn, or
+        else None and `most`."""
         frames = len(self.arrangement.frames)
-        if group > frames:
-            most, drawn = self.outlines.best(group - 1 - frames, sums, sign, floor)
-            return most, drawn and Candidate(("outline", group - 1 - frames), *drawn[1:])
-        if group:
-            return self._best_box(group - 1, sums, sign, floor)
-        found = self._best_curved(sums, sign, floor, 1)
-        return found[0] if found else (floor, None)
+        if group == 0:
+            return most, Candidate(("curved", ranges[0]), ((ranges[1], ranges[2]),))
+        if group <= frames:
+            return most, Candidate(("box", group - 1), ((ranges[0], ranges[1]), (ranges[2], ranges[3]), (ranges[4], ranges[5])))
+        plane = group - 1 - frames
+        drawn = self.outlines.first_drawable(plane, wins[:count], (ranges[0], ranges[1]), faces)
+        return (most, None) if drawn is None else (drawn[0], Candidate(("outline", plane), *drawn[1:]))
 
     def best(self, field: np.ndarray, per_frame: int, floor: float = 0.0, outlines: bool = False) -> list[tuple[float, Candidate]]:
         """Candidates whose sums of `field` [m] are above `floor`: one per curved family, up to `per_frame` (or none) per box frame, with
@@ -127,16 +149,15 @@ class Families:
         values = field[cells]
         if np.maximum(values, 0.0).sum() <= floor:
             return []
-        out = self._best_curved(self.slots[0].sum_values(cells, values), 1.0, floor)
+        out = self._best_curved(self.slots[0].sum_values(cells, values), floor)
         for frame in range(len(self.arrangement.frames) if per_frame else 0):
             sums = self.slots[1 + frame].sum_values(cells, values)
             if per_frame == 1:
-                won, box = self._best_box(frame, sums, 1.0, max([floor, *(v for v, _ in out)]))
-                out += [(won, box)] if box else []
+                out += self._best_box(frame, sums, max([floor, *(v for v, _ in out)]))
             else:
                 out += self._best_boxes(frame, sums, per_frame, floor)
         for plane in range(len(self.outlines.planes) if outlines else 0):
-            _, drawn = self.outlines.best(plane, self.outlines.slots[plane].sum_values(cells, values), 1.0, floor)
+            drawn = self.outlines.best(plane, self.outlines.slots[plane].sum_values(cells, values), floor)
             out += [(drawn[0], Candidate(("outline", plane), *drawn[1:]))] if drawn else []
         return out
 
@@ -145,23 +166,23 @@ class Families:
         kind, index = candidate.source
         return self.outlines.curve_cost(index, candidate.faces) if kind == "outline" else 0.0
 
-    def _best_curved(self, sums: np.ndarray, sign: float, floor: float, count: int | None = None) -> list[tuple[float, Candidate]]:
+    def _best_curved(self, sums: np.ndarray, floor: float) -> list[tuple[float, Candidate]]:
         table = np.empty((len(self._ends) - 1, 3))
-        axial_best(sums, self._ends, sign, table)
+        axial_best(sums, self._ends, table)
         return [
             (float(table[i, 0]), Candidate(("curved", int(i)), ((int(table[i, 1]), int(table[i, 2])),)))
-            for i in (np.flatnonzero(table[:, 0] > floor) if count is None else _top(table[:, 0], count, floor))
+            for i in np.flatnonzero(table[:, 0] > floor)
         ]
 
-    def _best_box(self, frame: int, sums: np.ndarray, sign: float, floor: float) -> tuple[float, Candidate | None]:
-        """As `best_of`, for a box frame."""
+    def _best_box(self, frame: int, sums: np.ndarray, floor: float) -> list[tuple[float, Candidate]]:
+        """The best box of a frame, where it is above the `floor`."""
         out = np.empty(7)
         grid = self._grids[frame]
-        most = best_box(sums, grid.places, grid.shape, sign, floor, out)
+        most = best_box(sums, grid.places, grid.shape, 1.0, floor, out)
         if out[0] == -np.inf:
-            return most, None
+            return []
         i, j, k, m, n, o = out[1:].astype(int).tolist()
-        return most, Candidate(("box", frame), ((i, j), (k, m), (n, o)))
+        return [(most, Candidate(("box", frame), ((i, j), (k, m), (n, o))))]
 
     def _best_boxes(self, frame: int, sums: np.ndarray, count: int, floor: float) -> list[tuple[float, Candidate]]:
         """The best boxes of a frame, of different slabs along one of its axes."""

@@ -163,58 +163,28 @@ def _order_rows(a, i, b, j):
 
 
 @njit(nogil=True, cache=True)
-def count_apart(bits: np.ndarray, rows: np.ndarray, row: int) -> np.ndarray:
-    """In how many bits [k] each of some `rows` [k] of words of 64 bits [r, w] differs from another one (Warren 2013, section 5-1)."""
-    out = np.zeros(len(rows), np.int64)
-    pairs, fours, bytes_ = np.uint64(0x5555555555555555), np.uint64(0x3333333333333333), np.uint64(0x0F0F0F0F0F0F0F0F)
-    for i in range(len(rows)):
-        for k in range(bits.shape[1]):
-            word = bits[rows[i], k] ^ bits[row, k]
-            word -= (word >> np.uint64(1)) & pairs
-            word = (word & fours) + ((word >> np.uint64(2)) & fours)
-            word = (word + (word >> np.uint64(4))) & bytes_
-            out[i] += np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
-    return out
-
-
-@njit(nogil=True, cache=True)
-def add_to_slots(before: np.ndarray, slots: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """A copy of sums `before` [s] with `values` [k] added in the slots of `cells` [k], of all whose `slots` [m]."""
-    sums = before.copy()
+def add_to_slots(sums: np.ndarray, slots: np.ndarray, cells: np.ndarray, values: np.ndarray) -> None:
+    """Add to `sums` [s] the `values` [k] in the slots of `cells` [k], of all whose `slots` [m]."""
     for i in range(len(cells)):
         sums[slots[cells[i]]] += values[i]
-    return sums
 
 
 @njit(nogil=True, cache=True)
-def add_to_some_slots(before: np.ndarray, starts: np.ndarray, slots: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
+def add_to_some_slots(sums: np.ndarray, starts: np.ndarray, slots: np.ndarray, cells: np.ndarray, values: np.ndarray) -> None:
     """As `add_to_slots`, where cell c is in the slots `slots[starts[c]:starts[c+1]]`."""
-    sums = before.copy()
     for i in range(len(cells)):
         for k in range(starts[cells[i]], starts[cells[i] + 1]):
             sums[slots[k]] += values[i]
-    return sums
 
 
 @njit(nogil=True, cache=True)
-def list_changes(before: np.ndarray, now: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The cells [k] whose flags [m] differ, and what each adds [k] to sums of `gain` [m] over the flagged ones."""
-    cells, values, count = np.empty(len(gain), np.int64), np.empty(len(gain)), 0
-    for i in range(len(gain)):
-        cells[count] = i
-        values[count] = gain[i] if now[i] else -gain[i]
-        count += before[i] != now[i]
-    return cells[:count].copy(), values[:count].copy()
-
-
-@njit(nogil=True, cache=True)
-def axial_best(sums: np.ndarray, ends: np.ndarray, sign: float, out: np.ndarray) -> None:
-    """Best interval of each axial family by `sign` times sums over the slabs along its axis, sums[ends[f] : ends[f + 1]].
+def axial_best(sums: np.ndarray, ends: np.ndarray, out: np.ndarray) -> None:
+    """Best interval of each axial family by the sums over the slabs along its axis, sums[ends[f] : ends[f + 1]].
 
     Writes (sum, lo, hi) into out [f, 3].
     """
     for f in range(len(ends) - 1):
-        out[f, 0], out[f, 1], out[f, 2] = best_interval(sign * sums[ends[f] : ends[f + 1]])
+        out[f, 0], out[f, 1], out[f, 2] = best_interval(sums[ends[f] : ends[f + 1]])
 
 
 @njit(nogil=True, cache=True)
@@ -393,41 +363,6 @@ def box_best(grid: np.ndarray, floor: float, count: int, out: np.ndarray) -> Non
                 if bound + behind <= floor:
                     break
         rest -= layers[i]
-
-
-@njit(nogil=True, cache=True)
-def most_added(before: np.ndarray, now: np.ndarray, sign: float, gain: np.ndarray) -> float:
-    """The most by which any sum of `sign * gain` over changeable cells can have grown since those were the cells `before` [m]."""
-    total, whole = 0.0, len(gain) // 8 * 8
-    # few cells have changed: flags are compared eight at a time
-    eight_before, eight_now = before[:whole].view(np.uint64), now[:whole].view(np.uint64)
-    for word in range(len(eight_now) + 1):
-        if word < len(eight_now) and eight_before[word] == eight_now[word]:
-            continue
-        for i in range(8 * word, min(8 * word + 8, len(gain))):
-            if before[i] != now[i]:
-                total += max(sign * gain[i] if now[i] else -sign * gain[i], 0.0)
-    return total
-
-
-@njit(nogil=True, cache=True)
-def changeable_cells(free, state, gain, empty_before, held_before):
-    """Of the `free` cells [m] those that are not filled in `state` [m], and those that are; whether each differ from the ones before, which
-    may be none [0]; and the sum of the gain of those that are filled."""
-    m, won = len(gain), 0.0
-    empty, held = np.empty(m, np.bool_), np.empty(m, np.bool_)
-    empty_differs, held_differs = len(empty_before) != m, len(held_before) != m
-    for i in range(m):
-        empty[i] = free[i] > state[i]
-        held[i] = free[i] & state[i]
-    for i in range(m):
-        if held[i]:
-            won += gain[i]
-    for i in range(m if not empty_differs else 0):
-        empty_differs |= empty[i] != empty_before[i]
-    for i in range(m if not held_differs else 0):
-        held_differs |= held[i] != held_before[i]
-    return empty, held, (empty_differs, held_differs), won
 
 
 @njit(nogil=True, cache=True)

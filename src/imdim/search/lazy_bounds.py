@@ -7,51 +7,33 @@ all that the changed cells can add, bounds the sum now, and most families need n
 
 from __future__ import annotations
 
-from bisect import bisect_left, insort
-from collections.abc import Iterator
 from dataclasses import dataclass
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from imdim.program.sequence import Step
 from imdim.program.tree import Op
+from imdim.search.bits import pack_words, unpack_words
 from imdim.search.candidate_families import Families
-from imdim.search.group_sums import GroupSums
-from imdim.search.kernels import changeable_cells, most_added
-from imdim.search.sequence import Covered, Insertion, Price, Sequence, gaps, mask_of, shapes_of
+from imdim.search.group_sums import make_tables
+from imdim.search.look_kernels import ASKED, NOT_BEGUN, RANK, Places, Progress, SumTables, ask_places, bound_places, list_gaps
+from imdim.search.outline_families import PAID
+from imdim.search.sequence import Covered, Insertion, Price, Sequence, mask_of, shapes_of
 
-NEIGHBOURS = 3  # places just asked that bound the next
+CODED_OPS: tuple[Op, ...] = ("union", "difference", "intersection")  # as `look_kernels` numbers them
 Key = tuple[int, str]
 PAIRS: Key = (0, "pairs")
-MOST_BYTES = 64 * 2**20  # of flags; beyond them all is forgotten
+MOST_BYTES = 8 * 2**20  # of flags; beyond them all is forgotten
 
 
 @dataclass(frozen=True)
 class _GroupBound:
-    """A place as it was: the step behind it, the cells [m] that a term would change there, and what each group won at most."""
+    """A place as it was: the step behind it, the cells that a term would change there, as bits [w], and what each group won at most."""
 
     step: Step[Covered] | None
-    changeable: np.ndarray
+    bits: np.ndarray
     caps: np.ndarray
-
-
-@dataclass(frozen=True)
-class _Place:
-    """A place and operation to be asked: the sum of `sign * gain` over a term's changeable cells, plus `total`, is what it wins."""
-
-    position: int
-    op: Op
-    changeable: np.ndarray
-    sign: float
-    total: float
-    caps: np.ndarray
-    key: Key
-    step: Step[Covered] | None
-
-
-_Asked = tuple[int, int, _Place]  # its position, and how many places were asked before it
 
 
 class GainBounds:
@@ -61,7 +43,7 @@ class GainBounds:
     def __init__(
         self,
         parent: dict[Key, _GroupBound] | None = None,
-        sums: list[GroupSums] | None = None,
+        sums: list[tuple[np.ndarray, SumTables]] | None = None,
         found: dict[Any, list[Insertion]] | None = None,
     ) -> None:
         self._parent = parent if parent is not None else {}
@@ -75,10 +57,11 @@ class GainBounds:
         self._settle()
         return GainBounds(self._parent, self._sums, self.found)
 
-    def sums_of(self, families: Families, price: Price) -> GroupSums:
-        """The sums of the gain over the groups, as far as they are known."""
+    def sums_of(self, families: Families, price: Price) -> tuple[np.ndarray, SumTables]:
+        """The gain [m], and the sums of it over the groups, as far as they are known."""
         if not self._sums:
-            self._sums.append(GroupSums(families.cells.gain_under(price.weights)))
+            gain = families.cells.gain_under(price.weights)
+            self._sums.append((gain, make_tables([slots.size for slots in families.slots], len(gain))))
         return self._sums[0]
 
     def adopt(self, branch: GainBounds) -> None:
@@ -95,11 +78,11 @@ class GainBounds:
     def no_pair(self, state: np.ndarray, gain: np.ndarray, least: float) -> bool:
         """Whether pairs won nothing when last asked, and what differs from then in the filled cells [m] is worth less than `least`."""
         look = self.get(PAIRS)
-        return look is not None and float(np.abs(gain[look.changeable ^ state]).sum()) < least
+        return look is not None and float(np.abs(gain[unpack_words(look.bits, len(gain)) ^ state]).sum()) < least
 
     def put_no_pair(self, state: np.ndarray) -> None:
         """Pairs win nothing where these cells [m] are filled."""
-        self.put(PAIRS, _GroupBound(None, state, np.zeros(0)))
+        self.put(PAIRS, _GroupBound(None, pack_words(state), np.zeros(0)))
 
     def _settle(self) -> None:
         if self._bytes > MOST_BYTES:
@@ -113,7 +96,7 @@ class GainBounds:
 
 
 def _bytes(looks: dict[Key, _GroupBound]) -> int:
-    return sum(look.changeable.nbytes for look in looks.values())
+    return sum(look.bits.nbytes for look in looks.values())
 
 
 def best_insertions(sequence: Sequence, families: Families, price: Price, known: GainBounds, share: float = 1.0) -> list[Insertion]:
@@ -129,23 +112,26 @@ def best_insertions(sequence: Sequence, families: Families, price: Price, known:
 
 
 def _look_for_insertions(sequence: Sequence, families: Families, price: Price, known: GainBounds, share: float) -> list[Insertion]:
-    sums = known.sums_of(families, price)
-    gain = sums.gain
-    hopes = ((p.total + float(p.caps.max()), p) for p in _places(sequence, gain, families.groups if price.boxes else 1, known))
-    least = price.step
+    gain, tables = known.sums_of(families, price)
+    places, keys = _places(sequence, gain, families.groups if price.boxes else 1, known)
+    groups, paid = families.packed, (families.outlines.outlines.curve_price, PAID)
+    progress = Progress(np.array([0, NOT_BEGUN, 0]), np.array([price.step]), np.zeros(places.caps.shape[1], bool))
     found: list[Insertion] = []
-    asked: dict[Op, list[_Asked]] = {}
-    for order, (hope, place) in enumerate(sorted(hopes, key=lambda hoped: -hoped[0])):
-        if hope <= least:
+    while True:
+        at, group, count, most, ranges, wins, faces = ask_places(places, groups, tables, gain, *paid, progress)
+        if at < 0:
             break
-        near = asked.setdefault(place.op, [])
-        _tighten(place, near, gain)
-        for insertion in _ask_groups(place, sums, families, least, share):
+        most, candidate = families.candidate_of(group, count, most, ranges.tolist(), wins, faces)
+        places.caps[at, group] = min(places.caps[at, group], most)
+        if candidate:
+            insertion = Insertion(float(places.total[at]) + most, int(places.position[at]), CODED_OPS[places.op[at]], candidate)
             found.append(insertion)
-            least = max(least, share * insertion.gain)
-        insort(near, (place.position, order, place))
-        known.put(place.key, _GroupBound(place.step, place.changeable, place.caps))
-    return sorted((i for i in found if i.gain >= least), key=lambda i: -i.gain)
+            progress.least[0] = max(progress.least[0], share * insertion.gain)
+    families.count_asked(int(progress.at[ASKED]))
+    for place in places.order[: progress.at[RANK]].tolist():
+        step, op = keys[place]
+        known.put((id(step), op), _GroupBound(step, places.bits[place].copy(), places.caps[place].copy()))
+    return sorted((i for i in found if i.gain >= progress.least[0]), key=lambda i: -i.gain)
 
 
 def apart(insertions: list[Insertion], families: Families) -> list[tuple[Insertion, np.ndarray]]:
@@ -172,56 +158,34 @@ def insert_all(sequence: Sequence, insertions: list[tuple[Insertion, np.ndarray]
     return tuple(out)
 
 
-def _tighten(place: _Place, asked: list[_Asked], gain: np.ndarray) -> None:
-    """Bound a place by the nearest of those `asked` for the same operation, by position: one step apart, little differs."""
-    at = bisect_left(asked, place.position, key=itemgetter(0))
-    near = asked[max(at - NEIGHBOURS, 0) : at + NEIGHBOURS]
-    # of two as near, the one that was asked first was the more promising
-    for _, _, other in sorted(near, key=lambda a: (abs(a[0] - place.position), a[1]))[:NEIGHBOURS]:
-        np.minimum(place.caps, other.caps + most_added(other.changeable, place.changeable, place.sign, gain), out=place.caps)
-
-
-def _ask_groups(place: _Place, sums: GroupSums, families: Families, least: float, share: float) -> Iterator[Insertion]:
-    """What the groups of one place win; their bounds become what was found."""
-    caps, look = place.caps.tolist(), None
-    for group in np.argsort(-place.caps, kind="stable").tolist():
-        floor = least - place.total
-        if caps[group] <= floor:
-            break
-        look = look or sums.look(place.changeable)
-        most, found = families.best_of(group, look.of(group, families.slots[group]), place.sign, max(floor, 0.0))
-        place.caps[group] = min(caps[group], most)
-        if found and most > floor:
-            least = max(least, share * (place.total + most))
-            yield Insertion(place.total + most, place.position, place.op, found)
-
-
-def _places(sequence: Sequence, gain: np.ndarray, groups: int, known: GainBounds) -> Iterator[_Place]:
-    """Each place and operation with the bounds of its groups; a place where nothing differs from the one behind it is left out."""
-    behind: dict[Op, _GroupBound | None] = {}
-    empty = held = np.zeros(0, bool)  # those of the place behind, which has none at the end
-    for position, state, free in gaps(sequence, len(gain)):
+def _places(sequence: Sequence, gain: np.ndarray, groups: int, known: GainBounds) -> tuple[Places, list[tuple[Step[Covered] | None, Op]]]:
+    """Each place and operation with the bounds of its groups, and the step behind it; a place where nothing differs from the one behind it
+    is left out."""
+    words = -(-len(gain) // 64)
+    terms = np.array([step.term.bits for step in sequence], np.uint64).reshape(-1, words)
+    empty, held, differs, won = list_gaps(terms, np.array([CODED_OPS.index(step.op) for step in sequence], np.int64), gain)
+    changes, lost, different = (empty, held, held), (-won).tolist(), differs.tolist()
+    behind: list[_GroupBound | None] = [None, None, None]
+    keys, bits, looks, rows = (
+        list[tuple[Step[Covered] | None, Op]](),
+        list[np.ndarray](),
+        list[_GroupBound | None](),
+        list[tuple[int, int, float]](),
+    )
+    for position in range(len(sequence), -1, -1):
         step = sequence[position] if position < len(sequence) else None
-        empty, held, differs, won = changeable_cells(free, state, gain, empty, held)
-        for op, changeable, sign in _kinds(empty, held, position > 0):
-            key = (id(step), op)
-            look = behind[op] = known.get(key) or behind.get(op)
-            if differs[0 if op == "union" else 1]:
-                total = -won if op == "intersection" else 0.0
-                yield _Place(position, op, changeable, sign, total, _caps(look, changeable, sign, gain, groups), key, step)
-
-
-def _kinds(empty: np.ndarray, held: np.ndarray, filled: bool) -> Iterator[tuple[Op, np.ndarray, float]]:
-    """(operation, cells [m] that it can change, sign of the gain that a term's cells count with)."""
-    yield "union", empty, 1.0
-    if filled:
-        yield "difference", held, -1.0
-        # keeping only a term wins what emptying all would win less what emptying the term would
-        yield "intersection", held, 1.0
-
-
-def _caps(look: _GroupBound | None, changeable: np.ndarray, sign: float, gain: np.ndarray, groups: int) -> np.ndarray:
-    """Upper bounds [groups] of the sums."""
-    if look is None or len(look.caps) < groups:
-        return np.full(groups, float(np.maximum(sign * gain[changeable], 0.0).sum()))
-    return look.caps[:groups] + most_added(look.changeable, changeable, sign, gain)
+        for code, op in enumerate(CODED_OPS[: 3 if position else 1]):
+            look = behind[code] = known.get((id(step), op)) or behind[code]
+            if different[position][min(code, 1)]:
+                keys.append((step, op))
+                bits.append(changes[code][position])
+                looks.append(look if look and len(look.caps) >= groups else None)
+                rows.append((position, code, lost[position] if op == "intersection" else 0.0))
+    position, code, total = (np.array(column) for column in zip(*rows, strict=True))
+    nothing, none = np.zeros(words, np.uint64), np.zeros(groups)
+    before = np.array([nothing if look is None else look.bits for look in looks])
+    caps = np.array([none if look is None else look.caps[:groups] for look in looks])
+    sign, now = np.where(code == CODED_OPS.index("difference"), -1.0, 1.0), np.array(bits)
+    bound_places(now, before, caps, sign, gain)
+    hopes = total + caps.max(axis=1)
+    return Places(now, caps, sign, total.astype(float), position, code, hopes, np.argsort(-hopes, kind="stable")), keys

@@ -97,7 +97,7 @@ def complete(
 def _pairs(sequence: Sequence, families: Families, config: LocalConfig, price: Price, known: GainBounds, share: float) -> list[Insertion]:
     """The best pairs at the end of the sequence, as far as it is worth to ask again."""
     state = run(sequence, len(families.cells.points))
-    if known.no_pair(state, known.sums_of(families, price).gain, 0.5 * price.step):
+    if known.no_pair(state, known.sums_of(families, price)[0], 0.5 * price.step):
         return []
     pairs = pair_insertions(sequence, families, 2 * price.step, config.pair_limit, share)
     if not pairs:

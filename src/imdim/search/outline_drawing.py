@@ -10,7 +10,7 @@ import numpy as np
 
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Outline, Vertex, check_crossings, circle, orient_loops
-from imdim.search.outline_plane import OutlinePlane, cross_walls
+from imdim.search.outline_plane import OutlinePlane
 
 NO_LENGTH = 1e-6  # of the unit frame: a curve no longer is none
 NEAR_NODE = 0.03  # of the unit frame, within which a tangent point is that of a node
@@ -37,18 +37,21 @@ def trace_loops(plane: OutlinePlane, inside: np.ndarray, exact: bool = True) -> 
     Vertices are crossings of their two walls, or without `exact` the nodes that several crossings share.
     """
     at, nodes = plane.boundary(inside)
-    follows = {int(a): k for k, (a, _) in enumerate(nodes)}
-    left, loops = set(range(len(at))), []
-    while left:
-        k = next(iter(sorted(left)))
-        ring: list[int] = []
+    forwards = (nodes[:, 0] == plane.segments.nodes[at, 0]).tolist()
+    (begins, ends), pieces = nodes.T.tolist(), at.tolist()
+    follows = {node: k for k, node in enumerate(begins)}
+    left, loops = set(range(len(pieces))), []
+    for first in range(len(pieces)):
+        if first not in left:
+            continue
+        ring, k = list[int](), first
         while k in left:
             left.discard(k)
             ring.append(k)
-            k = follows.get(int(nodes[k, 1]), -1)
-        if k != ring[0]:
+            k = follows.get(ends[k], -1)
+        if k != first:
             raise ValueError(f"the boundary of {int(inside.sum())} faces does not close")
-        loop = _loop(plane, [(int(at[i]), int(nodes[i, 0]) == int(plane.segments.nodes[at[i], 0])) for i in ring], exact)
+        loop = _loop(plane, [(pieces[i], forwards[i]) for i in ring], exact)
         if loop is not None:
             loops.append(loop)
     return orient_loops(loops)
@@ -65,7 +68,7 @@ def _loop(plane: OutlinePlane, ring: list[tuple[int, bool]], exact: bool) -> Loo
     runs = list(_same_wall(ring[start:] + ring[:start], wall[start:] + wall[:start]))
     corners = [_corner(plane, runs[i - 1], runs[i], exact) for i in range(len(runs))]
     passed = [
-        (run, a, b) for run, a, b in zip(runs, corners, [*corners[1:], corners[0]], strict=True) if not np.allclose(a, b, 0, NO_LENGTH)
+        (run, a, b) for run, a, b in zip(runs, corners, [*corners[1:], corners[0]], strict=True) if not (np.abs(a - b) <= NO_LENGTH).all()
     ]
     whole = max(runs, key=partial(_turn_along, plane))
     if not passed and _turn_along(plane, whole) > math.pi:  # a circle that a line all but touches comes back to the corner it left
@@ -103,7 +106,7 @@ def _corner(plane: OutlinePlane, before: list[tuple[int, bool]], after: list[tup
     node = plane.nodes[segments.nodes[first, 0 if forwards else 1]]
     if not exact:
         return node
-    crossings = cross_walls(plane.walls, int(segments.wall[before[0][0]]), int(segments.wall[first]))
+    crossings = plane.cross(int(segments.wall[before[0][0]]), int(segments.wall[first]))
     near = min(crossings, key=lambda p: float(np.linalg.norm(p - node)), default=node)
     near = near if np.linalg.norm(near - node) <= NEAR_NODE else node
     return np.maximum(near, (0.0, -np.inf)) if plane.kind == "revolve" else near

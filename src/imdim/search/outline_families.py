@@ -223,18 +223,25 @@ class OutlineCells:
             out.append(Slots(slots, (plane.faces + 1) * levels))
         return out
 
-    def best(self, index: int, sums: np.ndarray, sign: float, floor: float) -> tuple[float, Drawn | None]:
-        """What the best outline of a plane wins by `sign` times the sums over its slots, less its curves' price, its levels and its faces,
-        None below `floor`; before it what none is above."""
-        plane = self.outlines.planes[index]
-        price = self.outlines.curve_price
-        most, count, lo, hi, wins, faces = offer_outlines(plane.graph, sums, plane.faces, self._levels(plane), sign, floor, price, PAID)
-        ranges = ((lo, hi),) if plane.kind == "extrude" else ()
-        for won, inside in zip(wins[:count].tolist(), faces, strict=False):
+    @cached_property
+    def table_sizes(self) -> np.ndarray:
+        """The numbers of faces and levels of each plane [p, 2]."""
+        return np.array([(plane.faces, self._levels(plane)) for plane in self.planes], np.int64).reshape(-1, 2)
+
+    def best(self, index: int, sums: np.ndarray, floor: float) -> Drawn | None:
+        """The best outline of a plane by the sums over its slots, less its curves' price; None below `floor`."""
+        plane, price = self.planes[index], self.outlines.curve_price
+        _, count, lo, hi, wins, faces = offer_outlines(plane.graph, sums, plane.faces, self._levels(plane), 1.0, floor, price, PAID)
+        return self.first_drawable(index, wins[:count], (lo, hi), faces)
+
+    def first_drawable(self, index: int, wins: np.ndarray, levels: tuple[int, int], faces: np.ndarray) -> Drawn | None:
+        """The first of some outlines of a plane, each with what it wins and its faces [n, f], that can be drawn."""
+        ranges = (levels,) if self.planes[index].kind == "extrude" else ()
+        for won, inside in zip(wins.tolist(), faces, strict=False):
             packed = np.packbits(inside).tobytes()
             if self._is_drawable(index, packed):
-                return won, (won, ranges, packed)
-        return floor if count else most, None
+                return won, ranges, packed
+        return None
 
     def _is_drawable(self, index: int, faces: bytes) -> bool:
         """Whether the boundary of a region crosses nothing: a few regions among walls that nearly coincide have none that does not."""

@@ -51,31 +51,37 @@ def sum_below(sums, faces, levels, sign):
 
 
 @njit(nogil=True, cache=True)
-def add_won(sums, faces, levels, sign):
-    """What the slots win that win something, of those in faces."""
-    most = 0.0
-    for k in range(faces * levels):
-        most += max(sign * sums[k], 0.0)
-    return most
+def add_won(sums, count, sign):
+    """What the first `count` slots win that win something: four sums side by side, since one has to wait for itself."""
+    a, b, c, d, whole = 0.0, 0.0, 0.0, 0.0, count // 4 * 4
+    for k in range(0, whole, 4):
+        a += max(sign * sums[k], 0.0)
+        b += max(sign * sums[k + 1], 0.0)
+        c += max(sign * sums[k + 2], 0.0)
+        d += max(sign * sums[k + 3], 0.0)
+    for k in range(whole, count):
+        a += max(sign * sums[k], 0.0)
+    return (a + b) + (c + d)
 
 
 @njit(nogil=True, cache=True)
-def likeliest_levels(below, floor):
+def likeliest_levels(sums, faces, levels, sign, floor):
     """The pairs of levels (lower, upper, bound) [p, 3] between which an outline may win most, by the sum of what the faces win there that
-    win something, best first; of even ones the farthest apart: what cuts ends beyond the part. Nothing where no bound is above `floor`.
-    And the largest bound."""
-    faces, levels = below.shape
-    bounds = np.zeros((levels, levels))
+    win something by `sign` times the sums over their slots, best first; of even ones the farthest apart: what cuts ends beyond the part.
+    Nothing where no bound is above `floor`. And the largest bound."""
+    bounds, row = np.zeros((levels, levels)), np.empty(levels)
     for f in range(faces):
-        row = below[f]
-        if row[levels - 1] == 0.0 and row.max() == 0.0 and row.min() == 0.0:
+        total, some = 0.0, False
+        for k in range(levels):
+            some |= sums[f * levels + k] != 0.0
+            total += sign * sums[f * levels + k]
+            row[k] = total
+        if not some:
             continue
         for lo in range(levels - 1):
             base = row[lo]
-            for hi in range(lo + 1, levels):
-                won = row[hi] - base
-                if won > 0.0:
-                    bounds[lo, hi] += won
+            for hi in range(lo + 1, levels):  # without a branch, so that the compiler takes several at once
+                bounds[lo, hi] += max(row[hi] - base, 0.0)
     largest, out = bounds.max(), np.zeros((PAIRS, 3))
     if largest <= floor:
         return out[:0], largest
@@ -101,11 +107,13 @@ def offer_outlines(graph, sums, faces, levels, sign, floor, price, paid):
     lower level, upper level, what each wins [2], the faces of each [2, f]). A curve costs its `price`, where `paid` (so many that are free,
     least that is charged)."""
     wins, offers = np.zeros(2), np.zeros((2, faces), np.bool_)
-    most = add_won(sums, faces, levels, sign)
+    most = add_won(sums, faces * levels, sign)
     if most <= floor:
         return most, 0, 0, 0, wins, offers
+    pairs, most = likeliest_levels(sums, faces, levels, sign, floor)
+    if not len(pairs):
+        return most, 0, 0, 0, wins, offers
     below = sum_below(sums, faces, levels, sign)
-    pairs, most = likeliest_levels(below, floor)
     low, high, least = -1, -1, floor
     for k in range(len(pairs)):
         if pairs[k, 2] <= least:

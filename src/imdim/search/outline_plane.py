@@ -31,6 +31,8 @@ ASIDE = 1.5e-4  # of the unit frame, from a segment to the points that tell its 
 WINDOW = -1  # the wall of segments on the edge of what is searched
 OUTSIDE = -1  # the face there
 AXIS = WINDOW  # the window's left edge, which is the axis of what is turned
+_NONE, _NO_PAIRS = np.empty(0, np.int64), np.empty((0, 2), np.int64)
+NO_SEGMENTS = Graph(_NONE, np.empty(0, bool), _NONE, _NO_PAIRS, _NO_PAIRS, np.empty(0), _NONE, _NONE)
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,13 @@ class Walls:
     window: np.ndarray
     columns: tuple[tuple[int, int | None], ...]
     ovals: Mapping[int, np.ndarray] = field(default_factory=dict)
+
+    @cached_property
+    def lines(self) -> tuple[np.ndarray, np.ndarray]:
+        """Normals [l + 4, 2] and offsets [l + 4] of the lines, the window's edges last."""
+        (left, low), (right, high) = self.window
+        normals = np.concatenate([self.normals.reshape(-1, 2), [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]])
+        return normals, np.concatenate([self.offsets, [left, right, low, high]])
 
     def around(self, circle: int, turns: np.ndarray) -> np.ndarray:
         """The points [n, 2] of a circle, or an ellipse, at angles [n]."""
@@ -117,6 +126,17 @@ class OutlinePlane:
         starts = np.append(starts, len(wall))
         return Graph(starts, free, of_segment, self.segments.nodes, faces, self.segments.length, ends, order // 2)
 
+    @cached_property
+    def _met(self) -> dict[tuple[int, int], list[np.ndarray]]:
+        """What `cross` has told."""
+        return {}
+
+    def cross(self, a: int, b: int) -> list[np.ndarray]:
+        """Where two walls of segments cross or touch, points [2]; many outlines turn there."""
+        if (a, b) not in self._met:
+            self._met[a, b] = cross_walls(self.walls, a, b)
+        return self._met[a, b]
+
     def boundary(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Indices [b] of the segments that bound a region, and their nodes [b, 2] in the order that has the region on the left."""
         sides = np.append(inside, False)[self.segments.faces]
@@ -150,6 +170,13 @@ class OutlinePlane:
             for f in range(first[code], last[code]):
                 out[which[_holds(self.polygons[f], points)]] = f
         return out
+
+
+def pack_graphs(planes: Sequence[OutlinePlane]) -> tuple[Graph, np.ndarray]:
+    """The segments of all planes one after the other, and where each array of each plane begins [p + 1, 8]."""
+    graphs = [NO_SEGMENTS, *(plane.graph for plane in planes)]
+    firsts = np.cumsum([[len(array) for array in graph] for graph in graphs], axis=0)
+    return Graph(*(np.concatenate(arrays) for arrays in zip(*graphs, strict=True))), firsts
 
 
 def make_plane(kind: str, direction: int, origin: np.ndarray, frame: np.ndarray, walls: Walls) -> OutlinePlane | None:
@@ -204,13 +231,6 @@ def _circle(walls: Walls, index: int) -> int:
     return len(walls.offsets) + 4 + index
 
 
-def _lines(walls: Walls) -> tuple[np.ndarray, np.ndarray]:
-    """Normals [l + 4, 2] and offsets [l + 4] of the lines, the window's edges last."""
-    (left, low), (right, high) = walls.window
-    normals = np.concatenate([walls.normals.reshape(-1, 2), [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]])
-    return normals, np.concatenate([walls.offsets, [left, right, low, high]])
-
-
 def _crossings(walls: Walls) -> Iterator[tuple[int, int, np.ndarray]]:
     """(wall, wall, point [2]) of all crossings and touches; the window's edges stand between the lines and the circles."""
     count = len(walls.offsets) + 4 + len(walls.radii)
@@ -232,7 +252,7 @@ def cross_walls(walls: Walls, a: int, b: int) -> list[np.ndarray]:
 
 
 def _cross(walls: Walls, i: int, j: int) -> list[np.ndarray]:
-    normals, offsets = _lines(walls)
+    normals, offsets = walls.lines
     lines = len(offsets)
     if {i - lines, j - lines} & walls.ovals.keys():
         return []
@@ -288,7 +308,7 @@ def _merge(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _pieces_of(walls: Walls, wall: int, members: np.ndarray, nodes: np.ndarray) -> list[_Piece]:
     lines = len(walls.offsets) + 4
     if wall < lines:
-        normal = _lines(walls)[0][wall]
+        normal = walls.lines[0][wall]
         at = nodes[members] @ np.array([normal[1], -normal[0]])
         order = np.argsort(at)
         name = wall if wall < lines - 4 else WINDOW - (wall - lines + 4)
@@ -311,7 +331,7 @@ def _look_beside(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece]) -> t
     round_ = wall >= lines
     circle = np.where(round_, wall - lines, 0)
     radius = walls.radii[circle] if len(walls.radii) else np.zeros(len(wall))
-    normals = _lines(walls)[0][np.where(wall < 0, lines + WINDOW - wall, np.where(round_, 0, wall))]
+    normals = walls.lines[0][np.where(wall < 0, lines + WINDOW - wall, np.where(round_, 0, wall))]
     turn = at.mean(1)
     outward = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     left = np.where(round_[:, None], -outward, normals)
@@ -361,7 +381,7 @@ def _walk(walls: Walls, piece: _Piece, reach: float, forwards: bool) -> np.ndarr
     """The point [2] so far along a piece from its start, or back from its end."""
     wall, _, (start, end) = piece
     if wall < len(walls.offsets):
-        normals, offsets = _lines(walls)
+        normals, offsets = walls.lines
         at = wall if wall >= 0 else len(walls.offsets) + WINDOW - wall
         x, y = normals[at]
         return offsets[at] * normals[at] + (start + reach if forwards else end - reach) * np.array([y, -x])

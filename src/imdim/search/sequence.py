@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import accumulate, islice
 
 import numpy as np
@@ -19,6 +19,7 @@ from imdim.program import sequence as signed
 from imdim.program.patterns.weigh import WAY
 from imdim.program.sequence import SignedSequence, Step, map_terms
 from imdim.program.tree import Combine, Op, Program
+from imdim.search.bits import pack_words
 from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import TRUE, Weights
 from imdim.search.kernels import pick_flags, sum_where
@@ -61,6 +62,11 @@ class Covered:
     @staticmethod
     def of(shape: Shape, families: Families) -> Covered:
         return Covered(shape, mask_of(shape, families))
+
+    @cached_property
+    def bits(self) -> np.ndarray:
+        """The cells as bits [w]."""
+        return pack_words(self.mask)
 
     @property
     def halves(self) -> tuple[Candidate, ...]:
