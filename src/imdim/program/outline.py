@@ -9,9 +9,8 @@ islands in holes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 from imdim.program.ellipse import (
     Ellipse,
@@ -314,29 +313,40 @@ def check_crossings(outline: Outline) -> None:
     An arc that is all but tangent to its neighbour may cross it again beside their vertex, as long as neither leaves the other by then.
     Refused too are curves that are too short, too flat or too round for that to be told.
     """
-    outline = _bring_to_unit(outline)
-    tolerance = TOUCHING * _extent(outline)
-    named = [(i, k, c) for i, loop in enumerate(outline.loops) for k, c in enumerate(loop_curves(loop))]
+    _check_bulges(outline)
+    boxes = [curve_bounds([curve]) for curve in outline.curves]
+    power = _power_to_unit(boxes)
+    loops = [_scale_loop(loop, lambda length: math.ldexp(length, -power)) for loop in outline.loops]
+    tolerance = TOUCHING * math.ldexp(_extent(boxes), -power)
+    named = [(i, k, c) for i, loop in enumerate(loops) for k, c in enumerate(loop_curves(loop))]
     for i, k, curve in named:
         if isinstance(curve, Ellipse):
             if min(curve.rx, curve.ry) <= tolerance:
                 raise ValueError(f"loop {i} is too narrow: a semi-axis is shorter than {TOUCHING:g} of the outline's extent")
         elif math.dist(curve[:2], curve[2:4]) <= tolerance:
             raise ValueError(f"loop {i} curve {k} is too short: its ends are nearer than {TOUCHING:g} of the outline's extent")
-    boxes = [_box(curve, tolerance) for _, _, curve in named]
-    for (m, (i, k, a)), (n, (j, other, b)) in combinations(enumerate(named), 2):
-        if boxes[m][0] > boxes[n][1] or boxes[n][0] > boxes[m][1] or boxes[m][2] > boxes[n][3] or boxes[n][2] > boxes[m][3]:
-            continue
+    for m, n in _near_pairs([[math.ldexp(v, -power) for corner in box for v in corner] for box in boxes], tolerance):
+        (i, k, a), (j, other, b) = named[m], named[n]
         if _meets_apart(a, b, tolerance, i == j):
             raise ValueError(f"loop {i} curve {k} crosses or touches loop {j} curve {other}")
+
+
+def _near_pairs(boxes: Sequence[Sequence[float]], margin: float) -> Iterator[tuple[int, int]]:
+    """The pairs of boxes (left, low, right, high) that meet once each is wider by a margin on all sides."""
+    wider = [(left - margin, low - margin, right + margin, high + margin) for left, low, right, high in boxes]
+    for m, (left, low, right, high) in enumerate(wider):
+        for n in range(m + 1, len(wider)):
+            other = wider[n]
+            if left <= other[2] and other[0] <= right and low <= other[3] and other[1] <= high:
+                yield m, n
 
 
 def _meets_apart(a: Curve | Ellipse, b: Curve | Ellipse, tolerance: float, same_loop: bool) -> bool:
     """Whether two curves meet other than in a vertex that they share."""
     if isinstance(a, Ellipse) or isinstance(b, Ellipse):
-        return bool(meeting_points(a, b, tolerance))
+        return any(True for _ in _meeting_points(a, b, tolerance, ()))
     shared = {c for c in ((a[0], a[1]), (a[2], a[3])) if c in ((b[0], b[1]), (b[2], b[3]))} if same_loop else set()
-    return any(_apart(a, b, _nearest(p, shared)) > tolerance for p in meeting_points(a, b, tolerance))
+    return any(_apart(a, b, _nearest(p, shared)) > tolerance for p in _meeting_points(a, b, tolerance, shared))
 
 
 def _apart(a: Curve, b: Curve, away: float) -> float:
@@ -346,37 +356,46 @@ def _apart(a: Curve, b: Curve, away: float) -> float:
     return away * away / 8 * sum(1 / arc_radius(c) for c in (a, b) if c[4]) * TOUCHING / PARTING
 
 
-def _bring_to_unit(outline: Outline) -> Outline:
-    """The outline times a power of two, so exactly, with an extent of 1/2 to 1: no square of it leaves the range of numbers."""
+def _check_bulges(outline: Outline) -> None:
+    """Raise ValueError for an arc that is too flat or too round."""
     for i, loop in enumerate(outline.loops):
         for k, (_, _, bulge) in enumerate(() if isinstance(loop, Ellipse) else loop):
             if bulge and not LEAST_BULGE <= abs(bulge) <= MOST_BULGE:
                 raise ValueError(f"loop {i} curve {k} needs a bulge of 0 or between {LEAST_BULGE:g} and {MOST_BULGE:g}, got {bulge:g}")
-    extent, farthest = _extent(outline), max(abs(v) for corner in outline.bounds for v in corner)
+
+
+def _power_to_unit(boxes: Sequence[tuple[Point, Point]]) -> int:
+    """The power of two by which curves with these bounds have to be divided, and so exactly, for an extent of 1/2 to 1: no square of it
+    leaves the range of numbers."""
+    extent, farthest = _extent(boxes), max(abs(v) for box in boxes for corner in box for v in corner)
     if not math.isfinite(extent) or TOUCHING * extent < math.ulp(farthest):
         raise ValueError(f"coordinates up to {farthest:g} cannot tell what touches in an outline that measures {extent:g}")
-    power = math.frexp(extent)[1]
-    return outline.map_lengths(lambda length: math.ldexp(length, -power))
+    return math.frexp(extent)[1]
 
 
-def _extent(outline: Outline) -> float:
-    return max(high - low for low, high in zip(*outline.bounds, strict=True))
+def _extent(boxes: Sequence[tuple[Point, Point]]) -> float:
+    """The larger side of what holds some boxes."""
+    lows, highs = zip(*boxes, strict=True)
+    return max(max(high) - min(low) for low, high in zip(zip(*lows, strict=True), zip(*highs, strict=True), strict=True))
 
 
 def _nearest(point: Point, others: set[Point]) -> float:
     return min((math.dist(point, q) for q in others), default=math.inf)
 
 
-def meeting_points(a: Curve | Ellipse, b: Curve | Ellipse, tolerance: float) -> list[Point]:
-    """Where two curves cross or touch; where they run along each other, ends of one that lie on the other."""
+def _meeting_points(a: Curve | Ellipse, b: Curve | Ellipse, tolerance: float, shared: Collection[Point]) -> Iterator[Point]:
+    """Where two curves cross or touch, but for ends that they are known to share; where they run along each other, ends of one that lie on
+    the other."""
     if isinstance(a, Ellipse) or isinstance(b, Ellipse):
         one, other = (a, b) if isinstance(a, Ellipse) else (b, a)
         assert isinstance(one, Ellipse)
         ends = [ellipse_point(other, 0.0)] if isinstance(other, Ellipse) else [other[:2], other[2:4]]
         points = [*ends, *meet_conic(one, _conic_of(other))]
-        return [p for p in points if _distance(one, p) <= tolerance and _distance(other, p) <= tolerance]
-    points = [p for p in (a[:2], a[2:4]) if _distance(b, p) <= tolerance] + [p for p in (b[:2], b[2:4]) if _distance(a, p) <= tolerance]
-    return points + [p for p in _carrier_crossings(a, b) if _distance(a, p) <= tolerance and _distance(b, p) <= tolerance]
+        yield from (p for p in points if _distance(one, p) <= tolerance and _distance(other, p) <= tolerance)
+        return
+    yield from (p for p in ((a[0], a[1]), (a[2], a[3])) if p not in shared and _distance(b, p) <= tolerance)
+    yield from (p for p in ((b[0], b[1]), (b[2], b[3])) if p not in shared and _distance(a, p) <= tolerance)
+    yield from (p for p in _carrier_crossings(a, b) if _distance(a, p) <= tolerance and _distance(b, p) <= tolerance)
 
 
 def _conic_of(curve: Curve | Ellipse) -> tuple[float, float, float, float, float, float]:
@@ -460,11 +479,6 @@ def _extremes(curve: Curve | Ellipse) -> Iterator[Point]:
         for px, py in ((cx + radius, cy), (cx - radius, cy), (cx, cy + radius), (cx, cy - radius)):
             if ((u - x) * (py - y) - (v - y) * (px - x)) * b < 0:
                 yield px, py
-
-
-def _box(curve: Curve | Ellipse, margin: float) -> tuple[float, float, float, float]:
-    xs, ys = zip(*_extremes(curve), strict=True)
-    return min(xs) - margin, max(xs) + margin, min(ys) - margin, max(ys) + margin
 
 
 def _check_loop(i: int, loop: Loop) -> None:
