@@ -2,8 +2,8 @@
 
 Outside a part c, taking ``- c`` or ``| c`` out of a program changes nothing, wherever it stands. Inside it, cutting c last leaves nothing
 and adding it last leaves all. So what the finished solid holds nothing of may be cut last, and what it holds all of may be added last,
-whatever else the program does there. Both are decided by exact booleans. Such a part may then be any that lies between what it is needed
-for and what it may not touch (`cutter_extent`), so that equal features become equal parts.
+whatever else the program does there. Exact booleans decide both where points do not (`overlap`). Such a part may then be any that lies
+between what it is needed for and what it may not touch (`cutter_extent`), so that equal features become equal parts.
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ from functools import partial
 from itertools import accumulate
 from typing import NamedTuple
 
+import numpy as np
 from manifold3d import Manifold
 
 from imdim.geometry.finish.active_zone import matters
 from imdim.geometry.finish.cutter_extent import LastOperand, Rest, ends_of, even_lengths, narrow, reach, stretch
+from imdim.geometry.finish.overlap import surely_overlap
 from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
@@ -81,12 +83,13 @@ class Commutation:
 
     def _whole(self, unit: _Unit) -> LastOperand | None:
         """The part if the solid holds nothing or all of it; a primitive without an end that makes no difference."""
-        own = to_manifold(unit.node, CHECK_SEGMENTS)
-        common = (own ^ self._solid).volume()
-        if common <= self._slack:
-            return LastOperand(unit.node, True)
-        if own.volume() - common <= self._slack:
-            return LastOperand(unit.node, False)
+        if not self._surely_holds_some(unit):
+            own = to_manifold(unit.node, CHECK_SEGMENTS)
+            common = (own ^ self._solid).volume()
+            if common <= self._slack:
+                return LastOperand(unit.node, True)
+            if own.volume() - common <= self._slack:
+                return LastOperand(unit.node, False)
         if not isinstance(unit.node, Primitive):
             return None
         cuts = polarity(self._program, unit.path) < 0
@@ -96,6 +99,13 @@ class Commutation:
             if wrong <= self._slack and not matters(self._program, self._placed, unit.numbers.start, slab):
                 return LastOperand(rest, cuts)
         return None
+
+    def _surely_holds_some(self, unit: _Unit) -> bool:
+        """Whether points tell that the solid holds some of a part, and not all."""
+        bounds = [self._placed[n].bounds for n in unit.numbers]
+        box = np.array([np.min([low for low, _ in bounds], axis=0), np.max([high for _, high in bounds], axis=0)])
+        node, program = unit.node, self._program
+        return surely_overlap([node, program], box, self._slack) and surely_overlap([node], box, self._slack, outside=[program])
 
 
 def _join(op: Op, a: Program | None, b: Program | None) -> Program | None:

@@ -7,11 +7,14 @@ last where they can be, shortened to the air that they make.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from manifold3d import Manifold, OpType
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.cutter_extent import ends_of, round_reach, stretch
+from imdim.geometry.finish.overlap import surely_overlap
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.step_order import gather_steps
 from imdim.geometry.finish.tolerances import NOTHING
@@ -119,13 +122,25 @@ def _stands_in(island: Program, body: Program) -> bool:
     return (solid - to_manifold(body, CHECK_SEGMENTS)).volume() <= NOTHING * solid.volume()
 
 
+class _Joined(NamedTuple):
+    """Parts that are joined: as a program, and their solid, which is made when somebody asks for it."""
+
+    program: Program
+    solid: Manifold
+
+    def meets(self, part: Program, own: Manifold, volume: float | None = None) -> bool:
+        """Whether it holds some of a part, whose `own` solid that is: more than nothing of a `volume`, by default that of the part."""
+        least = NOTHING * (own.volume() if volume is None else volume)
+        return surely_overlap([part, self.program], bounds_of(own), least) or (own ^ self.solid).volume() > least
+
+
 def _cut_late(program: Program, deadline: Deadline) -> Program:
     base, cuts = spine(program)
     terms = parts(base, "union")
     if len(terms) < 2 or all(isinstance(term, Primitive) for term in terms):
         return program
     solids = [to_manifold(term, CHECK_SEGMENTS) for term in terms]
-    joined = Manifold.batch_boolean(solids, OpType.Add)
+    joined = _Joined(base, Manifold.batch_boolean(solids, OpType.Add))
     late: list[Program] = []
     for i, term in enumerate(terms):
         body, own = spine(term)
@@ -141,10 +156,10 @@ def _cut_late(program: Program, deadline: Deadline) -> Program:
     return combine_all("difference", [combine_all("union", terms), *late, *cuts]) if late else program
 
 
-def _cut_after(cut: Program, body: Manifold, beside: Manifold, joined: Manifold) -> Program | None:
+def _cut_after(cut: Program, body: Manifold, beside: Manifold, joined: _Joined) -> Program | None:
     """A cut that takes out of all that is `joined` what it takes out of one `body` and what is `beside` leaves empty."""
     solid = to_manifold(cut, CHECK_SEGMENTS)
-    if (solid ^ joined).volume() <= NOTHING * solid.volume():
+    if not joined.meets(cut, solid):
         return cut
     air = (solid ^ body) - beside
     if not isinstance(cut, Primitive) or cut.kind not in FLAT_ENDS or air.volume() <= NOTHING * solid.volume():
@@ -152,11 +167,10 @@ def _cut_after(cut: Program, body: Manifold, beside: Manifold, joined: Manifold)
     for axis in FLAT_ENDS[cut.kind]:
         cut = _shorten(cut, axis, air, joined)
     shorter = primitive_to_manifold(cut, CHECK_SEGMENTS)
-    left = air - shorter
-    return cut if max((shorter ^ joined).volume(), left.volume()) <= NOTHING * solid.volume() else None
+    return cut if not joined.meets(cut, shorter, solid.volume()) and (air - shorter).volume() <= NOTHING * solid.volume() else None
 
 
-def _shorten(cut: Primitive, axis: int, air: Manifold, joined: Manifold) -> Primitive:
+def _shorten(cut: Primitive, axis: int, air: Manifold, joined: _Joined) -> Primitive:
     """The cut with ends where the `air` ends that it makes, where it meets material beyond."""
     low, high = ends_of(cut, axis)
     first, last = round_reach(air, cut, axis, max(cut.size))
@@ -164,7 +178,7 @@ def _shorten(cut: Primitive, axis: int, air: Manifold, joined: Manifold) -> Prim
     for k, (end, new) in enumerate(((low, first), (high, last))):
         if abs(end - new) <= NOTHING * max(cut.size):
             continue
-        spare = primitive_to_manifold(stretch(cut, axis, (min(end, new), max(end, new))), CHECK_SEGMENTS)
-        if (spare ^ joined).volume() > NOTHING * spare.volume():
+        spare = stretch(cut, axis, (min(end, new), max(end, new)))
+        if joined.meets(spare, primitive_to_manifold(spare, CHECK_SEGMENTS)):
             ends[k] = new
     return stretch(cut, axis, (ends[0], ends[1]))

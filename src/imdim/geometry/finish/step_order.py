@@ -13,6 +13,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
+from imdim.geometry.finish.overlap import surely_overlap
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.solid import bounds_of, to_manifold
@@ -28,7 +29,7 @@ def gather_steps(program: Program, deadline: Deadline = NEVER) -> Program:
     steps = _steps(program)
     if _unrest(steps) == (1, 0):
         return program
-    before = _constraints(steps, to_manifold(program, CHECK_SEGMENTS), deadline)
+    before = _constraints(steps, program, deadline)
     if before is None:
         return program
     gathered = _gather(steps, before)
@@ -52,28 +53,35 @@ def _unrest(steps: SignedSequence[Program]) -> tuple[int, int]:
     return adding, sum(not step.positive for step in steps) - last
 
 
-def _constraints(steps: SignedSequence[Program], solid: Manifold, deadline: Deadline) -> np.ndarray | None:
-    """[n, n] of bool, true where step i has to stay before step j; None where time does not allow to find out."""
-    covered = _covered(steps)
-    before = np.triu(_meet(covered), 1)
+def _constraints(steps: SignedSequence[Program], program: Program, deadline: Deadline) -> np.ndarray | None:
+    """[n, n] of bool, true where step i has to stay before step j of those of a `program`; None where time does not allow to find out."""
+    solid, covered = to_manifold(program, CHECK_SEGMENTS), _covered(steps)
+    boxes, volumes = np.array([bounds_of(each) for each in covered]), [each.volume() for each in covered]
+    before = np.triu(_meet(boxes), 1)
     positive = np.array([step.positive for step in steps])
     before &= positive[:, None] != positive
     for i, j in np.argwhere(before):
         if deadline.has_passed():
             return None
-        before[i, j] = (covered[i] ^ covered[j]).volume() > NOTHING * min(covered[i].volume(), covered[j].volume())
+        shared = np.array([np.maximum(boxes[i, 0], boxes[j, 0]), np.minimum(boxes[i, 1], boxes[j, 1])])
+        least = NOTHING * min(volumes[i], volumes[j])
+        # most do overlap, and far: then points tell
+        terms = [steps[k].term for k in (i, j) if steps[k].op != "intersection"]
+        if len(terms) < 2 or not surely_overlap(terms, shared, least):
+            before[i, j] = (covered[i] ^ covered[j]).volume() > least
     # what the solid is as a step leaves it is asked last: it has the most faces
     for i in np.flatnonzero(before.any(axis=1)):
         if deadline.has_passed():
             return None
-        changed = covered[i] - solid if positive[i] else covered[i] ^ solid
-        before[i] &= changed.volume() > NOTHING * solid.volume()
+        least, term = NOTHING * solid.volume(), steps[i].term
+        within, outside = ([term], [program]) if positive[i] else ([term, program], [])
+        if steps[i].op == "intersection" or not surely_overlap(within, boxes[i], least, outside):
+            before[i] &= (covered[i] - solid if positive[i] else covered[i] ^ solid).volume() > least
     return before
 
 
-def _meet(solids: list[Manifold]) -> np.ndarray:
-    """[n, n] of bool: whether the boxes of two solids have anything in common, without which they do not overlap."""
-    boxes = np.array([bounds_of(solid) for solid in solids])
+def _meet(boxes: np.ndarray) -> np.ndarray:
+    """[n, n] of bool: whether two boxes [n, 2, 3] have anything in common, without which solids do not overlap."""
     return np.all((boxes[:, None, 0] <= boxes[:, 1]) & (boxes[:, 0] <= boxes[:, None, 1]), axis=2)
 
 
