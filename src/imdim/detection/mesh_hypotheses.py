@@ -47,7 +47,8 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
             if len(chosen) >= 5:
                 out.append((1.0, _fit_freely("sphere", chosen.tobytes())))
             if len(chosen) >= LEAST_CORNERS and not lies_on(out[-1][1], chosen, facets.diagonal):
-                out += [(0.9, s) for s in (quadric_ellipsoid(chosen),) if s and lies_on(s, chosen, NEAR_CUTS * facets.diagonal)]
+                found = _quadric_ellipsoid(chosen.tobytes())
+                out += [(0.9, s) for s in (found,) if s and lies_on(s, chosen, NEAR_CUTS * facets.diagonal)]
         if len(ring) >= 8:
             out.append((0.95, _fit_freely("torus", points.tobytes(), point_normals.tobytes(), 15)))
     return out
@@ -58,6 +59,11 @@ def _fit_freely(kind: str, points: bytes, facing: bytes | None = None, iteration
     """As `fit_surface` without a start, of points and normals [n, 3] in bytes."""
     normals = None if facing is None else np.frombuffer(facing).reshape(-1, 3)
     return fit_surface(kind, np.frombuffer(points).reshape(-1, 3), normals, iterations=iterations)[0]
+
+
+@lru_cache(4096)
+def _quadric_ellipsoid(points: bytes) -> Surface | None:
+    return quadric_ellipsoid(np.frombuffer(points).reshape(-1, 3))
 
 
 def ring_of(seed: int, near: list[int], state: Growing, most: int) -> np.ndarray:

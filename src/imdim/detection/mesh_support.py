@@ -110,6 +110,8 @@ def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray
     triangles = np.flatnonzero(state.free[facets.facet_of]) if among is None else facets.triangles(among)
     state.spent += len(triangles)
     good = _lie_on(surface, facets, triangles, slack * config.on_surface * facets.diagonal)
+    if not good.any():  # as of most guesses
+        return np.flatnonzero(good)
     fine = triangles[good]
     along = _following(surface, facets.corners[fine], facets.normals[facets.facet_of[fine]], 10 * config.on_surface * facets.diagonal)
     good[good] = along >= np.cos(np.radians(config.follow_deg))
