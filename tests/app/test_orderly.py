@@ -45,7 +45,7 @@ def test_without_memory_there_is_one_line(capsys):
     assert capsys.readouterr().err == "imdim: out of memory: raise the limit, or give a smaller part\n"
 
 
-@pytest.mark.parametrize("command", ["fit", "edit", "export", "lab", "batch"])
+@pytest.mark.parametrize("command", ["fit", "edit", "export", "lab", "batch", "mcp"])
 def test_a_limit_below_what_the_libraries_need_is_one_line(command):
     limit = LEAST_SPACE // 2
     ended = subprocess.run(
@@ -57,6 +57,45 @@ def test_a_limit_below_what_the_libraries_need_is_one_line(command):
     )
     assert ended.returncode == 2
     assert ended.stderr == "imdim: the limit of memory (ulimit -v) is 0.65 GB, at least 1.3 GB are needed\n"
+
+
+ENOUGH = 2 * LEAST_SPACE
+ENDINGS_APART = {
+    "os.kill(os.getpid(), signal.SIGSEGV)": (2, "imdim: out of memory: raise the limit, or give a smaller part\n"),
+    "bytearray(10 ** 11)": (2, "imdim: out of memory: raise the limit, or give a smaller part\n"),
+    "sys.exit(2)": (2, ""),
+    "3": (3, ""),
+    "os.kill(os.getppid(), signal.SIGTERM) or time.sleep(60)": (143, "imdim: ended by SIGTERM\n"),
+    "os.kill(os.getpid(), signal.SIGINT) or time.sleep(60)": (130, "imdim: interrupted\n"),
+}
+
+
+@pytest.mark.parametrize("act", ENDINGS_APART)
+def test_where_memory_is_limited_even_a_crash_is_one_line(act):
+    """Libraries that check no allocation crash: the process that was started tells what became of the one that works."""
+    script = RUN + f"import os, signal, time\nsys.exit(run_in_order(lambda: {act}))\n"
+    ended = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (ENOUGH, ENOUGH)),
+        timeout=30,
+    )
+    assert (ended.returncode, ended.stderr) == ENDINGS_APART[act]
+
+
+def test_what_works_where_memory_is_limited_ends_with_the_process_that_was_started():
+    script = RUN + "import os, time\nsys.exit(run_in_order(lambda: print(os.getpid(), flush=True) or time.sleep(60)))\n"
+    with subprocess.Popen(
+        [sys.executable, "-c", script],
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (ENOUGH, ENOUGH)),
+    ) as process:
+        assert process.stdout is not None
+        assert int(process.stdout.readline()) != process.pid
+        process.kill()
+        assert process.stdout.read() == "", "its end of the pipe is closed"
 
 
 WRITING = RUN + (

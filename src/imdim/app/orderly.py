@@ -1,7 +1,8 @@
 """Commands that end in order: on a signal, on a closed pipe, and for want of memory.
 
-What they have opened is closed, nobody who stopped listening loses results, and too little memory is one line. Only the
-standard library is imported, so that help answers at once.
+What they have opened is closed, nobody who stopped listening loses results, and too little memory is one line: where addresses are
+limited the command runs in a process of its own, since libraries that get no memory may end theirs. Only the standard library is imported,
+so that help answers at once.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ except ImportError:  # where there are no such limits
     resource = None
 
 LEAST_SPACE = 1_300_000_000  # bytes of addresses: libraries, compiled kernels and a small part; with less the compiler of kernels crashes
-CANNOT = 2
+CANNOT, INTERRUPTED = 2, 130
+OUT_OF_MEMORY = "imdim: out of memory: raise the limit, or give a smaller part\n"
+CRASHES = tuple(getattr(signal, name) for name in ("SIGSEGV", "SIGABRT", "SIGBUS") if hasattr(signal, name))  # of libraries without memory
+PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -40,20 +44,73 @@ def run_in_order(command: Callable[[], int]) -> int:
         if too_little := _tell_small_space():
             sys.stderr.write(f"imdim: {too_little}\n")
             return CANNOT
+        alone = _space() is not None and threading.current_thread() is threading.main_thread()
+        return _run_apart(command) if alone else _run(command)
+
+
+def _run(command: Callable[[], int]) -> int:
+    try:
+        return command()
+    except MemoryError:
+        sys.stderr.write(OUT_OF_MEMORY)
+        return CANNOT
+    except KeyboardInterrupt:
+        sys.stderr.write("imdim: interrupted\n")
+        return INTERRUPTED
+    except EndSignal as ended:
+        sys.stderr.write(f"imdim: ended by {ended.signal}\n")
+        return int(ended.code or 0)
+
+
+def _run_apart(command: Callable[[], int]) -> int:
+    """As `_run`, in a process that ends with this one; where that crashes, memory was short."""
+    child = os.fork()
+    if child == 0:
+        if sys.platform == "linux":
+            import ctypes  # takes milliseconds, which help need not wait for
+
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        status = 1
         try:
-            return command()
-        except MemoryError:
-            sys.stderr.write("imdim: out of memory: raise the limit, or give a smaller part\n")
-            return CANNOT
-        except EndSignal as ended:
-            sys.stderr.write(f"imdim: ended by {ended.signal}\n")
-            return int(ended.code or 0)
+            status = _run(command)
+        except SystemExit as ended:  # help, and arguments that cannot be
+            status = ended.code if isinstance(ended.code, int) else int(bool(ended.code))
+        except Exception:  # noqa: BLE001 - the outermost call: what Python would do with it is done here
+            sys.excepthook(*sys.exc_info())  # type: ignore[arg-type]
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+    with _passing_on_signals(child):
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if status < 0 and -status in CRASHES:
+        sys.stderr.write(OUT_OF_MEMORY)
+        return CANNOT
+    return status if status >= 0 else 128 - status
+
+
+@contextmanager
+def _passing_on_signals(child: int) -> Iterator[None]:
+    """What asks this process to end asks the child; Ctrl-C reaches both by itself."""
+    passed = {number: lambda given, _: os.kill(child, given) for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN}
+    before = {number: signal.signal(number, how) for number, how in {**passed, signal.SIGINT: signal.SIG_IGN}.items()}
+    try:
+        yield
+    finally:
+        for number, how in before.items():
+            signal.signal(number, how)
+
+
+def _space() -> int | None:
+    """Bytes of addresses that the process may have; None where that is not limited."""
+    space = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
+    return None if space in (-1, getattr(resource, "RLIM_INFINITY", -1)) else space
 
 
 def _tell_small_space() -> str | None:
     """What is to be said where the process may not have as many addresses as it needs to begin."""
-    space = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
-    if space in (-1, getattr(resource, "RLIM_INFINITY", -1)) or space >= LEAST_SPACE:
+    space = _space()
+    if space is None or space >= LEAST_SPACE:
         return None
     return f"the limit of memory (ulimit -v) is {space / 1e9:.2f} GB, at least {LEAST_SPACE / 1e9:.1f} GB are needed"
 

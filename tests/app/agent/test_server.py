@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -106,6 +107,38 @@ def test_the_tools_over_stdio(folder):
     talk(folder, conversation)
     assert (folder / "out/mesh.stl").is_file()
     assert told[0][1] == "starting"
+
+
+def test_what_is_no_message_is_a_line_on_the_terminal_and_the_others_are_answered(folder):
+    pytest.importorskip("mcp")
+    about = {"protocolVersion": "2024-11-05", "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}}
+    lines = [
+        b"garbage",
+        b'{"jsonrpc":"2.0"',
+        b"[1, 2]",
+        b"\xff\xfe",
+        json.dumps({"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": about}).encode(),
+        b'{"jsonrpc":"2.0","method":"notifications/initialized"}',
+        b'{"jsonrpc":"2.0","id":2,"method":"nonsense"}',
+        b"x" * 100_000,
+        b'{"jsonrpc":"2.0","id":3,"method":"tools/call","params":{"name":"measure"}}',
+    ]
+    command = [sys.executable, "-m", "imdim.app.cli", "mcp", str(folder)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as server:
+        assert server.stdin is not None
+        assert server.stdout is not None
+        server.stdin.write(b"\n".join([*lines, b""]))
+        server.stdin.flush()
+        answers = {answer["id"]: answer for answer in (json.loads(server.stdout.readline()) for _ in range(3))}
+        _, told = server.communicate(timeout=60)
+    assert server.returncode == 0
+    assert answers.keys() == {1, 2, 3}
+    assert "error" in answers[2]
+    assert "there is no program" in answers[3]["result"]["content"][0]["text"]
+    said = told.decode().splitlines()
+    assert len(said) == 6
+    assert said[0] == "imdim mcp: not a message of the protocol: 'garbage'"
+    assert all(line.startswith("imdim mcp: ") and len(line) < 200 for line in said)
 
 
 def test_a_fit_that_the_client_cancels_keeps_nothing(folder):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import inspect
 import json
+import logging
 import os
 import sys
 import threading
@@ -18,9 +19,11 @@ from pathlib import Path
 from typing import Any, TextIO, get_type_hints
 
 import anyio
+from anyio.abc import ObjectReceiveStream, ObjectSendStream
 from mcp import types
 from mcp.server.lowlevel import Server
 from mcp.server.stdio import stdio_server
+from mcp.shared.message import SessionMessage
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, create_model
 
 from imdim.app.agent.session import REFUSED, AgentSession
@@ -36,7 +39,7 @@ TOOLS = (
     *("status", "open", "fit", "stop_fit", "features", "explain", "measure", "parameters", "set", "tie", "untie", "hold", "drop", "lock"),
     *("scale", "add", "remove", "refit", "relate", "undo", "redo", "export"),
 )
-MESSAGE = 400  # characters of an error
+MESSAGE, SHOWN = 400, 80  # characters of an error, and of what is no message
 
 
 @dataclass(frozen=True)
@@ -79,8 +82,11 @@ class AgentServer:
 
     async def serve(self, incoming_text: TextIO, outgoing_text: TextIO) -> None:
         """Answer until the client closes what comes in."""
-        async with stdio_server(anyio.wrap_file(incoming_text), anyio.wrap_file(outgoing_text)) as (incoming, outgoing):
-            await self.server.run(incoming, outgoing, self.server.create_initialization_options())
+        passed, messages = anyio.create_memory_object_stream[SessionMessage | Exception]()
+        streams = stdio_server(anyio.wrap_file(incoming_text), anyio.wrap_file(outgoing_text))
+        async with streams as (incoming, outgoing), anyio.create_task_group() as tasks:
+            tasks.start_soon(_pass_on_messages, incoming, passed)
+            await self.server.run(messages, outgoing, self.server.create_initialization_options())
 
     async def _list(self) -> list[types.Tool]:
         return [tool.describe() for tool in self._tools.values()]
@@ -134,6 +140,30 @@ class AgentServer:
         return tell
 
 
+async def _pass_on_messages(
+    incoming: ObjectReceiveStream[SessionMessage | Exception], passed: ObjectSendStream[SessionMessage | Exception]
+) -> None:
+    """What is no message is told on the terminal in a line; to the library it is an error of its own, which it logs and sends in pages."""
+    async with passed:
+        async for message in incoming:
+            if isinstance(message, Exception):
+                sys.stderr.write(f"imdim mcp: not a message of the protocol: {_line_of(message)}\n")
+            else:
+                await passed.send(message)
+
+
+def _line_of(error: Exception) -> str:
+    given = error.errors()[0]["input"] if isinstance(error, ValidationError) else error
+    return one_line(ascii(given.strip() if isinstance(given, str) else given), SHOWN)
+
+
+class _FirstLines(logging.Formatter):
+    """What the library logs of a request that cannot be, of pages and with traces, as a line."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return f"imdim mcp: {one_line(record.getMessage().partition(chr(10))[0], MESSAGE)}"
+
+
 def _refusal(message: str) -> types.CallToolResult:
     return types.CallToolResult(content=[types.TextContent(type="text", text=one_line(message, MESSAGE))], isError=True)
 
@@ -143,6 +173,9 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="imdim mcp", description="Serve language-model agents over MCP on stdin and stdout.")
     parser.add_argument("folder", nargs="?", default=".", help="what may be read and written (default: the current folder)")
     session = AgentSession(Workplace(Path(parser.parse_args(argv).folder)))
+    told = logging.StreamHandler()
+    told.setFormatter(_FirstLines())
+    logging.basicConfig(handlers=[told])
     with _own_streams() as (incoming, outgoing), closing(session):
         anyio.run(AgentServer(session).serve, incoming, outgoing)
     return 0
