@@ -240,6 +240,56 @@ def test_a_signal_in_the_middle_of_the_search_gets_the_best_so_far(part, tmp_pat
     assert json.loads((tmp_path / "out" / "report.json").read_text())["stop"] == f"by {signal.Signals(number).name}"
 
 
+WRITING = """
+import sys, time
+from imdim.app.fit import main
+from imdim.app.orderly import run_in_order
+from imdim.delivery import deliver as delivery
+from imdim.program.tree import Primitive
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.pipeline import Snapshot
+
+def search(target, settings, rng):
+    yield Snapshot("finished", Primitive("box", (1.0, 2.0, 3.0)), 0.0, 1.0)
+
+def deliver(*given, write=delivery.deliver, **more):
+    print("writing", flush=True)
+    time.sleep(2)
+    return write(*given, **more)
+
+delivery.deliver = deliver
+settings = Settings(input=sys.argv[1], output=sys.argv[2])
+sys.exit(run_in_order(lambda: main(lambda: settings, search)))
+"""
+
+
+@pytest.mark.parametrize(
+    ("asked", "status", "written"),
+    [
+        ([signal.SIGINT], 0, True),
+        ([signal.SIGTERM], 143, True),
+        ([signal.SIGINT, signal.SIGINT], 130, False),
+        ([signal.SIGINT, signal.SIGTERM], 143, False),
+    ],
+)
+def test_a_result_that_is_being_written_is_written_unless_it_is_asked_for_twice(part, tmp_path, asked, status, written):
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in asked}  # what a suite ignores its children would
+    command = [sys.executable, "-c", WRITING, part, tmp_path / "out"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for number, how in before.items():
+        signal.signal(number, how)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "writing\n"
+    for number in asked:
+        os.kill(process.pid, number)
+        time.sleep(0.5)
+    out, said = process.communicate(timeout=120)
+    assert said.count("imdim: the result is being written") == 1
+    assert (process.returncode, (tmp_path / "out" / "report.json").exists()) == (status, written)
+    assert ("volume IoU 1.0000" in out) == (status == 0)
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
 def test_a_person_who_stops_before_there_is_a_program_gets_nothing(part, tmp_path, capsys):
     def stopped(target, settings, rng):
         raise KeyboardInterrupt

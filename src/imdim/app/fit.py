@@ -8,7 +8,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, replace
 from io import StringIO
 from os import environ
@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from imdim.app.deferred import defer_modules
-from imdim.app.orderly import SIGNALS, EndSignal
+from imdim.app.orderly import SIGNALS, EndSignal, finishing_first
 from imdim.app.piped import STDIN, load_piped
 from imdim.app.progress import show_progress
 from imdim.program.cost import describe_size
@@ -53,6 +53,7 @@ ENDINGS = {
 }
 INTERRUPTED = 130
 BY_HAND = "by hand"
+WRITING = "the result is being written, which takes seconds (press Ctrl-C again to write nothing)"
 ENDED = {f"by {signal.Signals(number).name}": 128 + number for number in SIGNALS}  # how a search was stopped, and the exit status then
 
 
@@ -167,7 +168,8 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
         step_limit_s = min(max(left - DELIVERY_S, LEAST_S + STEP_SHARE * settings.budget_s), STEP_LIMIT_S)
         finish_by = Deadline(time.perf_counter() + left - FILES_S)
         found = last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.edges
-        return deliver(*found, step_worker=step.worker)
+        with nullcontext() if last.stop in (BY_HAND, *ENDED) else finishing_first(WRITING):
+            return deliver(*found, step_worker=step.worker)
 
 
 class _EarlyStep:

@@ -138,6 +138,35 @@ def _closing_on_signals() -> Iterator[None]:
 
 
 @contextmanager
+def finishing_first(say: str) -> Iterator[None]:
+    """The block is gone through although Ctrl-C or a signal comes, which `say` tells. A second one counts at once. After the block a signal
+    does what it asked for, and one Ctrl-C has nothing left to stop."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, *SIGNALS)}
+    heard = {number: act for number, act in before.items() if callable(act)}
+    if threading.current_thread() is not threading.main_thread() or not heard:
+        yield
+        return
+    came: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+        if len(came) > 1:
+            heard[number](number, frame)
+        sys.stderr.write(f"imdim: {say}\n")
+
+    for number in heard:
+        signal.signal(number, note)
+    try:
+        yield
+    finally:
+        for number, act in heard.items():
+            signal.signal(number, act)
+    for number in came[:1]:
+        if number != signal.SIGINT:
+            heard[number](number, None)
+
+
+@contextmanager
 def _lasting_streams() -> Iterator[None]:
     """Standard output and error that may be closed, full, or read by nobody: what is written to them is lost then, and nothing else."""
     before = sys.stdout, sys.stderr

@@ -64,7 +64,8 @@ def start_worker() -> StepWorker:
     theirs, ours = os.pipe()  # no pipe of the process itself: waiting for its output would close that
     with os.fdopen(theirs, "rb") as end:
         command = [sys.executable, "-m", __spec__.name]
-        process = subprocess.Popen(command, stdin=end, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        pipes = {"stdin": end, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        process = subprocess.Popen(command, **pipes, text=True, process_group=0)  # a group of its own: Ctrl-C is for who started it
     return StepWorker(process, os.fdopen(ours, "wb"))
 
 
