@@ -5,13 +5,15 @@
 Each repetition measures the peaks (`speed_peaks`), then every kernel and its plain reference (`speed_kernels`, `speed_plain`): a core that
 is slow for a moment is slow for all three. Figures are medians of the repetitions' ratios; seconds are those of the processor. `allowed` is
 the largest share that this mix of instructions could reach: products without a sum to feed fill half of a fused instruction, and roots
-have a slower unit of their own. Exit status 1 where a kernel's answer is not that of its reference.
+have a slower unit of their own. The second table says what each kernel has to do, and how long each unit of the core would need for its
+part if it never waited: no kernel can be faster than the longest of these. Exit status 1 where an answer is not that of its reference.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import statistics
 import sys
@@ -27,7 +29,7 @@ from speed_peaks import Micro, Peaks, seconds
 @dataclass(frozen=True)
 class Figure:
     """One kernel: seconds of a call and of its reference, `times` faster, shares of the peaks of arithmetic and memory, the share that its
-    instructions allow, and by how much the answers differ."""
+    instructions allow, and by how much the answers differ; its work, and the least `Bounds` of the peaks on that."""
 
     name: str
     what: str
@@ -39,6 +41,23 @@ class Figure:
     of_memory: float
     differs: float
     right: bool
+    work: Work
+    bounds: Bounds
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Seconds that each unit of the core needs for its part of the work at least: instructions, square roots, and memory."""
+
+    ports: float
+    roots: float
+    memory: float
+
+    @staticmethod
+    def of(work: Work, arithmetic: float, roots: float, stream: float) -> Bounds:
+        """`arithmetic` in operations per second, two to a fused instruction."""
+        ports = max((work.slots + work.roots) / (arithmetic / 2), work.flops / arithmetic)
+        return Bounds(ports, work.roots / roots, work.bytes / stream)
 
 
 def main() -> int:
@@ -51,7 +70,7 @@ def main() -> int:
     peaks, figures = measured(args.repeat, args.size, args.only)
     print(f"load average {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores; median of {args.repeat}")
     print(", ".join(f"{name} {value / 1e9:.3g} G/s" for name, value in asdict(peaks).items()))
-    print("\n" + table(figures))
+    print("\n" + table(figures) + "\n\n" + work_table(figures))
     if args.json:
         args.json.write_text(json.dumps({"peaks": asdict(peaks), "kernels": [asdict(f) for f in figures]}, indent=1) + "\n")
     return 0 if all(f.right for f in figures) else 1
@@ -95,13 +114,19 @@ def _figure(kernel: Kernel, rounds: list[tuple[Peaks, tuple[float, float]]], dif
         median(lambda peaks, s, _: work.bytes / s / peaks.stream),
         differs,
         differs <= kernel.tolerance,
+        work,
+        Bounds(*(median(lambda peaks, _, __, unit=unit: getattr(_bounds(kernel, peaks), unit)) for unit in ("ports", "roots", "memory"))),
     )
+
+
+def _bounds(kernel: Kernel, peaks: Peaks) -> Bounds:
+    return Bounds.of(kernel.work, _arithmetic(kernel, peaks), _roots(kernel, peaks), peaks.stream)
 
 
 def allowed(work: Work, arithmetic: float, roots: float) -> float:
     """The share of `arithmetic` (operations per second, two to a fused instruction) that the mix allows; the unit of roots works beside."""
-    least_s = max((work.slots + work.roots) / (arithmetic / 2), work.flops / arithmetic, work.roots / roots)
-    return work.flops / arithmetic / least_s
+    bounds = Bounds.of(work, arithmetic, roots, math.inf)
+    return work.flops / arithmetic / max(bounds.ports, bounds.roots)
 
 
 def _arithmetic(kernel: Kernel, peaks: Peaks) -> float:
@@ -127,6 +152,29 @@ def table(figures: Sequence[Figure]) -> str:
         )
         for f in figures
     ]
+    return _join(head, rows)
+
+
+def work_table(figures: Sequence[Figure]) -> str:
+    """What each kernel has to do, and the least time of each unit for that."""
+    head = ("kernel", "Mflop", "M roots", "MB", "flop per byte", "least ms: ports", "roots", "memory", "taken", "share of the longest")
+    rows = [
+        (
+            f.name,
+            f"{f.work.flops / 1e6:.4g}",
+            f"{f.work.roots / 1e6:.3g}",
+            f"{f.work.bytes / 1e6:.3g}",
+            f"{f.work.flops / f.work.bytes:.3g}",
+            *(f"{1e3 * bound:.2g}" for bound in (f.bounds.ports, f.bounds.roots, f.bounds.memory)),
+            f"{1e3 * f.seconds:.3g}",
+            f"{100 * max(f.bounds.ports, f.bounds.roots, f.bounds.memory) / f.seconds:.2g} %",
+        )
+        for f in figures
+    ]
+    return _join(head, rows)
+
+
+def _join(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in (head, ("---",) * len(head), *rows))
 
 

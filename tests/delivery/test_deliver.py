@@ -1,5 +1,7 @@
 import base64
+import itertools
 import json
+import time
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.install import install_command
 from imdim.program.codec import constraints_of, from_json, loads, parse
 from imdim.program.outline import Outline, circle
-from imdim.program.tree import Primitive
+from imdim.program.tree import Primitive, combine_all, leaves
 from imdim.relations.discover import exact_relations
 from imdim.relations.residuals import verify
 from imdim.target.target import target_from
@@ -67,6 +69,17 @@ def test_late_results_are_the_program_as_it_was_found(target, tmp_path):
     report = deliver(PROGRAM, target, tmp_path / "late", RUN, step_limit_s=0.1, finish_by=PASSED)
     assert loads((tmp_path / "late" / "program.json").read_text()) == round_program(PROGRAM) != finish_flat(PROGRAM)
     assert report["found"]["iou_with_delivered"] == pytest.approx(1, abs=1e-6)
+
+
+def test_a_program_of_thousands_is_finished_as_it_was_found():
+    """What looks at pairs of 2,048 boxes took ten minutes of it and more."""
+    corners = itertools.product(range(16), range(16), range(8))
+    many = combine_all("union", [Primitive("box", (1.0, 1.0, 1.0), tuple(2.0 * c for c in corner)) for corner in corners])
+    before = time.process_time()
+    found = finish(many)
+    assert time.process_time() - before < 20
+    assert sorted(leaf.center for leaf in leaves(found.program)) == sorted(leaf.center for leaf in leaves(many))
+    assert finish(PROGRAM).program != round_program(PROGRAM), "a short one is finished"
 
 
 def test_the_report_says_what_was_measured(delivered):

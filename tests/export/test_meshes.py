@@ -1,6 +1,7 @@
 import json
 import math
 import re
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -11,11 +12,11 @@ from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
 from tests.planted import box, cut, cylinder, union
 
-from imdim.export.meshes import NamedFeatures, write_meshes
+from imdim.export.meshes import NamedFeatures, assign_faces, write_meshes
 from imdim.export.part_names import ADDED, BLENDED, CUT
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.finish.overshoot import overshoot
-from imdim.geometry.solid import mesh_to_manifold, to_manifold
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh
 from imdim.target.target import load_target
 
 SUFFIXES = ("stl", "glb", "3mf")
@@ -124,3 +125,15 @@ def test_a_3mf_has_an_object_for_each_body_with_its_name(tmp_path):
     bodies = trimesh.load_scene(tmp_path / "mesh.3mf").dump()
     assert sorted(body.volume for body in bodies) == pytest.approx([5 * 5 * 48, 10 * 20 * 30])
     assert load_target(tmp_path / "mesh.3mf").mesh.volume == pytest.approx(5 * 5 * 48 + 10 * 20 * 30)
+
+
+def test_owners_of_faces_take_no_memory_for_each_pair():
+    """8,192 boxes of a document of a kilobyte took 11 GB: as many distances as there are faces, of each."""
+    row = union(*(box(1, 1, 1, (2.0 * i, 0, 0)) for i in range(300)))
+    mesh = to_trimesh(to_manifold(row))
+    tracemalloc.start()
+    owners = assign_faces(mesh, row, ())
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 300 * len(mesh.faces) * 8 / 3
+    assert (owners == np.round(mesh.triangles_center[:, 0] / 2)).all()

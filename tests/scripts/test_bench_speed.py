@@ -57,3 +57,16 @@ def test_what_a_mix_of_instructions_allows():
     assert bench_speed.allowed(work(100.0, 50.0), 10.0, 1.0) == pytest.approx(1.0)
     # a root in ten operations, at a tenth of the pace of all of them
     assert bench_speed.allowed(work(100.0, 50.0, 10.0), 10.0, 0.5) == pytest.approx(0.5)
+
+
+def test_no_unit_needs_more_than_its_part_of_the_work():
+    bounds = bench_speed.Bounds.of(speed_kernels.Work(100.0, 60.0, 10.0, 8.0), 10.0, 1.0, 4.0)
+    assert (bounds.ports, bounds.roots, bounds.memory) == pytest.approx((14.0, 10.0, 2.0))
+
+
+def test_the_second_table_sets_the_time_beside_its_bounds(kernels, monkeypatch):
+    monkeypatch.setattr(bench_speed, "kernels", lambda _: [kernels["solver step"]])
+    (figure,) = bench_speed.measured(1, 1.0)[1]
+    row = bench_speed.work_table([figure]).splitlines()[-1].split(" | ")
+    assert float(row[1]) == pytest.approx(figure.work.flops / 1e6, rel=1e-3)
+    assert 0 < max(figure.bounds.ports, figure.bounds.roots) < figure.seconds

@@ -110,3 +110,11 @@ def test_bad_normals_are_left_out_with_a_note():
 
 def test_a_thin_needle_is_still_a_part():
     assert target_from(trimesh.creation.box((1.0, 1.0, 5000.0))).is_solid
+
+
+def test_a_needle_of_a_kilometre_is_refused_for_what_it_is():
+    with pytest.raises(InputError, match=r"too thin for its length \(9.99e\+05 cubic units, 1e-12 of the cubed diagonal; at least 1e-12\)"):
+        target_from(trimesh.creation.box((1e6, 1.0, 0.999)))
+    flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 0]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], process=False)
+    with pytest.raises(InputError, match="encloses no volume"):
+        target_from(flat)

@@ -146,7 +146,7 @@ def test_support_material_of_a_3mf_is_left_out_and_told(tmp_path, kind):
     threemf(tmp_path / "a.3mf", mesh_object(1) + mesh_object(2, kind), items)
     target = load_target(tmp_path / "a.3mf")
     assert target.mesh.volume == pytest.approx(6.0)
-    assert target.notes == ("An object of support material was left out.",)
+    assert target.notes == ("An object that is no part of the solid, as support material, was left out.",)
 
 
 def test_inches_of_a_3mf_become_millimetres_and_are_told(tmp_path):

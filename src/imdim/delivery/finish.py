@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from imdim.deadline import NEVER, Deadline
 from imdim.export.chance import without_chance, without_hidden
 from imdim.export.edge_text import with_edge_sizes
-from imdim.export.elimination import without_loose
+from imdim.export.elimination import MOST_NAMED, without_loose
 from imdim.export.feature_names import label_features
 from imdim.export.followed_ends import find_followed_ends
 from imdim.export.numbers import round_program
@@ -67,8 +67,11 @@ def finish(
     are left out.
 
     Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
-    Past the `deadline` (by default never) no parts are gathered, and the other cutters end where they end.
+    Past the `deadline` (by default never) no parts are gathered, and the other cutters end where they end. A program of more than
+    MOST_NAMED primitives, copies counted, is delivered as it was found: a kilobyte of repeats may unfold to thousands.
     """
+    if count(program).primitives > MOST_NAMED:
+        return _leave_as_found(program, edges)
     program = centre_turned(program)
     constraints = without_chance(program, holding(program, constraints))
     folding = next((f for f in _foldings(program, deadline) if is_same(program, f.program)), None)
@@ -90,6 +93,18 @@ def finish(
     constraints = without_loose(given, constraints, delivered, folded)
     delivered, named, folded = _settle(delivered, parametrise(given, constraints, delivered, folded, deadline=deadline), folded)
     return FinishedProgram(delivered, _rename(delivered, constraints, named), named, folded, order=folding.order).with_edges(edges)
+
+
+def _leave_as_found(program: Program, edges: Sequence[EdgeFeature]) -> FinishedProgram:
+    """A program with its exact repeats written once and its numbers rounded, with names for counts alone."""
+    folding = fold_repeats(program)
+    if folding is None or not is_same(program, folding.program):
+        rounded, order = round_program(program), tuple(range(count(program).primitives))
+        return FinishedProgram(rounded, (), parametrise(program, (), rounded), None, order=order).with_edges(edges)
+    folded = with_leaves(folding.folded, round_program(folding.program))
+    delivered, place = expand(folded), {old: new for new, old in enumerate(folding.order)}
+    named = parametrise(folding.program, (), delivered, folded)
+    return FinishedProgram(delivered, (), named, folded, order=folding.order).with_edges(renumber_edges(edges, place))
 
 
 def _settle(program: Program, named: Parameters, folded: Folded | None) -> tuple[Program, Parameters, Folded | None]:

@@ -9,6 +9,7 @@ import io
 import zipfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
 from xml.sax.saxutils import escape, quoteattr
@@ -54,7 +55,8 @@ def write_meshes(solid: Manifold, folder: Path, named: NamedFeatures | None = No
         raise ValueError("an empty solid has no mesh to write")
     clean = solid.simplify(SINGLE_PRECISION * diagonal(mesh.vertices))
     mesh, name = to_trimesh(clean), NAMELESS if named is None else named.names.part
-    bodies = [to_trimesh(body) for body in clean.decompose()]
+    # each body keeps a table of all that the solid was made of, unless it is an original
+    bodies = [to_trimesh(body) for body in clean.as_original().decompose()]
     data = {"stl": stl_bytes(mesh), "glb": glb_bytes(mesh, named), "3mf": threemf_bytes(bodies, name, units)}
     for suffix, content in data.items():
         (folder / f"mesh.{suffix}").write_bytes(content)
@@ -100,8 +102,11 @@ def assign_faces(mesh: trimesh.Trimesh, program: Program, edges: Sequence[EdgeFe
     """The leaf that made each face [f] of a solid, the first that its middle lies nearest to; of blends it is the number of leaves."""
     parts = list(leaves(with_edges(program, edges)))
     middles = np.asarray(mesh.triangles_center)
-    off = np.abs(np.stack([program_sdf(part, middles) for part in parts]))
-    first = np.argmax(off <= off.min(axis=0) + SAME * diagonal(mesh.vertices), axis=0)
+    # twice, rather than to keep them all: thousands of features have as many distances from ten times as many faces
+    least = reduce(np.minimum, (np.abs(program_sdf(part, middles)) for part in parts))
+    near, first = least + SAME * diagonal(mesh.vertices), np.full(len(middles), len(parts))
+    for i, part in enumerate(parts):
+        first[(first > i) & (np.abs(program_sdf(part, middles)) <= near)] = i
     return np.minimum(first, sum(1 for _ in leaves(program)))
 
 

@@ -29,7 +29,8 @@ class SolidCensus:
 def census_of(solid: Manifold) -> SolidCensus:
     """Count the closed surfaces of a solid; one that encloses a negative volume bounds a void."""
     volume, box = solid.volume(), solid.bounding_box()
-    pieces = [p for p in solid.decompose() if abs(p.volume()) > CRUMB * volume]
+    # each piece keeps a table of all that the solid was made of, unless it is an original
+    pieces = [p for p in solid.as_original().decompose() if abs(p.volume()) > CRUMB * volume]
     voids = sum(p.volume() < 0 for p in pieces)
     size = (box[3] - box[0], box[4] - box[1], box[5] - box[2])
     return SolidCensus(len(pieces) - voids, sum(p.genus() for p in pieces), voids, size, volume)

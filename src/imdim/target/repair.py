@@ -28,7 +28,7 @@ REDUNDANT = 2  # faces for each that the solid needs, from which a mesh counts a
 LOST = 0.01  # of the volume, from which thinning says that small things went with it
 CROWDED = 3  # faces a vertex; closed surfaces have two
 SEAM = 1e-6  # gap that is closed along open edges, relative to the diagonal
-FLAT = 1e-12  # volume relative to the cubed diagonal
+FLAT, NOTHING = 1e-12, 1e-15  # volumes relative to the cubed diagonal: too little for a search, and what rounding makes of none
 WALLS = 1e-6  # share of the surface that lies within the union of the bodies before it is taken for more than noise
 THINNING = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # tolerances relative to the diagonal, tried in turn
 
@@ -46,7 +46,7 @@ class Cleaned:
 def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
     """Merge equal vertices, close seams, orient outward, unite overlapping bodies, thin what is too fine.
 
-    Raises InputError, one line with `name` and the number, when the mesh encloses no volume.
+    Raises InputError, one line with `name` and the number, when the mesh encloses no volume, or too little for its length.
     """
     center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
@@ -65,9 +65,9 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
         notes.insert(0, f"{flat} {'bodies that hold' if flat > 1 else 'body that holds'} nothing left out.")
     volume = mesh_volume(unit, faces)
     if abs(volume) < FLAT:
-        raise InputError(
-            f"{name}: the mesh encloses no volume ({volume * diagonal**3:.3g} cubic units, {abs(volume):.1g} of the cubed diagonal)"
-        )
+        what = f"{volume * diagonal**3:.3g} cubic units, {abs(volume):.1g} of the cubed diagonal"
+        thin = abs(volume) > NOTHING
+        raise InputError(f"{name}: the mesh {'is too thin for its length' if thin else 'encloses no volume'} ({what}; at least {FLAT:g})")
     found = _as_solid(unit, faces, notes)
     unit, faces = found or _thin_shell(unit, faces, notes)
     unit, faces = compact(unit, faces)

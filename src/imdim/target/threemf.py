@@ -67,9 +67,9 @@ def _notes(model: _Parser) -> Iterator[str]:
         yield f"The file's unit is {model.unit}: read as millimetres, each {MILLIMETRES[model.unit]:g}."
     if model.aside:
         yield (
-            f"{model.aside} objects of support material were left out."
+            f"{model.aside} objects that are no part of the solid, as support material, were left out."
             if model.aside > 1
-            else "An object of support material was left out."
+            else "An object that is no part of the solid, as support material, was left out."
         )
 
 
