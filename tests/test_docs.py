@@ -95,6 +95,19 @@ def test_blocks_that_are_not_run_name_what_is_there(page):
             assert words[0] != "python" or (ROOT / words[1]).is_file(), words
 
 
+def test_commands_that_are_set_in_without_a_fence_name_what_is_there():
+    """Of pages of measurements, whose commands take minutes or hours."""
+    lines = [
+        line
+        for page in PAGES
+        for line in re.findall(r"^    (?:\w+=\S+ )*((?:python|imdim) .*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    ]
+    assert len(lines) > 15
+    for words in (line.split() for line in lines):
+        assert words[0] != "imdim" or words[1] in cli.COMMANDS, words
+        assert words[0] != "python" or words[1] == "-m" or (ROOT / words[1]).is_file(), words
+
+
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)
 def test_links_and_files_are_there(page):
     text = page.read_text(encoding="utf-8")
