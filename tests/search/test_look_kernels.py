@@ -5,7 +5,7 @@ from tests.search.planted_families import planted
 from tests.search.test_sequence import random_sequence
 
 from imdim.search.bits import pack_words, unpack_words
-from imdim.search.look_kernels import bound_places, list_gaps
+from imdim.search.look_kernels import list_gaps, set_bounds
 from imdim.search.sequence import gaps
 
 CODES = {"union": 0, "difference": 1, "intersection": 2}
@@ -34,6 +34,6 @@ def test_bounds_grow_by_what_may_be_added():
     gain, (before, now) = rng.integers(-9, 9, 90).astype(float), rng.random((2, 90)) < 0.5
     for sign in (1.0, -1.0):
         caps = np.array([[3.0, 0.5]])
-        bound_places(pack_words(now)[None], pack_words(before)[None], caps, np.array([sign]), gain)
+        set_bounds(pack_words(now)[None], pack_words(before)[None], caps, np.array([sign]), gain)
         added = np.maximum(sign * gain[now & ~before], 0).sum() + np.maximum(-sign * gain[before & ~now], 0).sum()
         assert caps.tolist() == [[3.0 + added, 0.5 + added]]

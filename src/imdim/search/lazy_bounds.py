@@ -17,7 +17,7 @@ from imdim.program.tree import Op
 from imdim.search.bits import pack_words, unpack_words
 from imdim.search.candidate_families import Families
 from imdim.search.group_sums import make_tables
-from imdim.search.look_kernels import ASKED, NOT_BEGUN, RANK, Places, Progress, SumTables, ask_places, bound_places, list_gaps
+from imdim.search.look_kernels import ASKED, NOT_BEGUN, RANK, AskedPlaces, LookState, SumTables, ask_places, list_gaps, set_bounds
 from imdim.search.outline_families import PAID
 from imdim.search.sequence import Covered, Insertion, Price, Sequence, mask_of, shapes_of
 
@@ -115,7 +115,7 @@ def _look_for_insertions(sequence: Sequence, families: Families, price: Price, k
     gain, tables = known.sums_of(families, price)
     places, keys = _places(sequence, gain, families.groups if price.boxes else 1, known)
     groups, paid = families.packed, (families.outlines.outlines.curve_price, PAID)
-    progress = Progress(np.array([0, NOT_BEGUN, 0]), np.array([price.step]), np.zeros(places.caps.shape[1], bool))
+    progress = LookState(np.array([0, NOT_BEGUN, 0]), np.array([price.step]), np.zeros(places.caps.shape[1], bool))
     found: list[Insertion] = []
     while True:
         at, group, count, most, ranges, wins, faces = ask_places(places, groups, tables, gain, *paid, progress)
@@ -158,7 +158,9 @@ def insert_all(sequence: Sequence, insertions: list[tuple[Insertion, np.ndarray]
     return tuple(out)
 
 
-def _places(sequence: Sequence, gain: np.ndarray, groups: int, known: GainBounds) -> tuple[Places, list[tuple[Step[Covered] | None, Op]]]:
+def _places(
+    sequence: Sequence, gain: np.ndarray, groups: int, known: GainBounds
+) -> tuple[AskedPlaces, list[tuple[Step[Covered] | None, Op]]]:
     """Each place and operation with the bounds of its groups, and the step behind it; a place where nothing differs from the one behind it
     is left out."""
     words = -(-len(gain) // 64)
@@ -186,6 +188,6 @@ def _places(sequence: Sequence, gain: np.ndarray, groups: int, known: GainBounds
     before = np.array([nothing if look is None else look.bits for look in looks])
     caps = np.array([none if look is None else look.caps[:groups] for look in looks])
     sign, now = np.where(code == CODED_OPS.index("difference"), -1.0, 1.0), np.array(bits)
-    bound_places(now, before, caps, sign, gain)
+    set_bounds(now, before, caps, sign, gain)
     hopes = total + caps.max(axis=1)
-    return Places(now, caps, sign, total.astype(float), position, code, hopes, np.argsort(-hopes, kind="stable")), keys
+    return AskedPlaces(now, caps, sign, total.astype(float), position, code, hopes, np.argsort(-hopes, kind="stable")), keys

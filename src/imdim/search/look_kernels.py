@@ -18,7 +18,7 @@ from imdim.search.outline_kernels import Graph, offer_outlines
 UNION, DIFFERENCE, INTERSECTION = range(3)
 NEIGHBOURS = 3  # places just asked that bound the next
 COPY = 0.1  # of a slot: what it takes to copy one, in cells added
-RANK, ROW, ASKED = range(3)  # of `Progress.at`
+RANK, ROW, ASKED = range(3)  # of `LookState.at`
 NOT_BEGUN, NO_ROW, OVER = -1, -2, -3
 
 
@@ -43,7 +43,7 @@ class Groups(NamedTuple):
     graph_firsts: np.ndarray
 
 
-class Places(NamedTuple):
+class AskedPlaces(NamedTuple):
     """Places and operations to be asked: the cells that a term can change there, as `bits` [p, w]; the bounds `caps` [p, g] of the sums of
     `sign * gain` over those of any term of a group, and the `total` that is added to them; the `position` and `op` of each; and their
     `order` by what they may win, `hopes`, best first."""
@@ -71,7 +71,7 @@ class SumTables(NamedTuple):
     apart: np.ndarray
 
 
-class Progress(NamedTuple):
+class LookState(NamedTuple):
     """Where a look stands: `at` [3] the rank of the place, the row of its sums and how many groups were asked; the `least` [1] that an
     insertion has to win, and which groups of the place are `done` [g]."""
 
@@ -108,7 +108,7 @@ def list_gaps(terms: np.ndarray, ops: np.ndarray, gain: np.ndarray) -> tuple[np.
 
 
 @njit(nogil=True, cache=True)
-def bound_places(now: np.ndarray, before: np.ndarray, caps: np.ndarray, sign: np.ndarray, gain: np.ndarray) -> None:
+def set_bounds(now: np.ndarray, before: np.ndarray, caps: np.ndarray, sign: np.ndarray, gain: np.ndarray) -> None:
     """Make of the bounds `caps` [p, g] of sums over cells `before` [p, w] those of sums over cells `now` [p, w]; over none they are 0."""
     for p in range(len(now)):
         added = _most_added(before[p], now[p], sign[p], gain)

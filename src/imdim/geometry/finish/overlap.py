@@ -1,5 +1,7 @@
-"""Whether solids overlap, told by a ball: where a point lies so deep in all of them that a ball about it is larger than what counts as
-nothing, no boolean need. Where no point shows it they may overlap all the same."""
+"""Whether solids overlap, told without booleans by a ball that lies in all of them.
+
+A point may lie so deep that a ball about it is larger than what counts as nothing. Where no point shows it they may overlap all the same.
+"""
 
 from __future__ import annotations
 
