@@ -1,7 +1,5 @@
 """``python -m imdim`` is the command ``imdim``, for where its folder is not on the path."""
 
-import sys
+from imdim.app.cli import run
 
-from imdim.app.cli import main
-
-sys.exit(main(sys.argv[1:]))
+run()

@@ -455,6 +455,19 @@ def test_the_hydra_entry_refuses_in_one_line_and_leaves_no_trace(tmp_path, monke
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(("command", "said"), [("fit", "done\n"), ("export", "done\nlate\n")])
+def test_a_fit_leaves_what_it_holds_to_the_system(command, said):
+    code = f"""if True:
+        import atexit, sys
+        from imdim.app import cli
+        atexit.register(print, "late")
+        cli.main = lambda: print("done") or 3
+        sys.argv = ["imdim", "{command}"]
+        cli.run()"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout) == (3, said)
+
+
 def test_help_answers_at_once():
     start = time.perf_counter()
     done = subprocess.run([sys.executable, "-X", "importtime", "-m", "imdim.app.cli", "--help"], capture_output=True, text=True, check=True)
