@@ -281,6 +281,20 @@ def test_a_noisy_clouds_time_is_not_spent_on_the_decision_tree(noisy):
     assert asked[-1] is seen
 
 
+@pytest.mark.parametrize("drawn", [True, False])
+def test_what_is_drawn_is_not_evolved(drawn, monkeypatch):
+    """Both leave a tenth of the volume, of which evolution would mend something."""
+    asked = []
+    monkeypatch.setattr(methods, "_generations", lambda *_: asked.append(1) or iter(()))
+    scorer = SimpleNamespace(score=lambda _: [SimpleNamespace(fitness=0.1)])
+    evidence = SimpleNamespace(exact=True, scorer=scorer)
+    seen = SimpleNamespace(error=lambda _: 0.1, faceting=0.0, evidence=evidence, exact_price=lambda _: 1.0)
+    run = SimpleNamespace(seen=seen, settings=Settings(), budget=Budget(60.0))
+    plate = Primitive("extrude", (2.0,), outline=Outline((((0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 3.0, 0.0)),)))
+    list(methods._touch_up(run, methods.MethodStep("search", plate if drawn else box(4, 3, 2))))
+    assert asked == ([] if drawn else [1])
+
+
 @pytest.mark.parametrize(("left", "long", "taken"), [(NEVER, 3, True), (PASSED, 3, False), (NEVER, 200, False)])
 def test_a_tree_is_taken_where_time_is_left_to_write_it_down(left, long, taken):
     tree = combine_all("union", [box(1, 1, 1, (2.0 * i, 0.0, 0.0)) for i in range(long)])

@@ -452,10 +452,11 @@ def _touch_up(run: Run, last: MethodStep) -> Iterator[MethodStep]:
     """Fitter programs of a few generations that start from those the search passed through, `last.others`: what no signed sequence of
     candidates is.
 
-    For a mesh, where the search left something or its program is long; in a cloud the doubts about what is inside outweigh it.
+    For a mesh, where the search left something or its program is long; in a cloud the doubts about what is inside outweigh it. What is
+    drawn stays: evolution makes many tilted primitives of a few curves.
     """
     seen, deadline = run.seen, run.budget.end_of("search")
-    if not (run.settings.evolution and seen.evidence.exact):
+    if not (run.settings.evolution and seen.evidence.exact) or has_outlines(last.program):
         return
     # what facets leave of curved surfaces, a program that is fitted to them only hides
     if seen.error(last.program) - seen.faceting < TOUCHED and count(last.program).primitives < LONG:
