@@ -14,11 +14,12 @@ makes text of numbers, for a second and a half.
 from __future__ import annotations
 
 import gc
+import pickle
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
@@ -72,6 +73,7 @@ def _compile_stage(stage: KernelSet, stream: TextIO) -> None:
     _forget_old_mark(stage)
     stage.mark(1)
     if _misses(stage) > before:
+        _forget_unreadable(Path(stage.mark.stats.cache_path))
         alone = count_cores() < 2
         try:
             with _uncollected(), _Counter(stage, stream, alone) as counter, _helper(stage, alone):
@@ -167,6 +169,19 @@ def _forget_old_mark(stage: KernelSet) -> None:
     newer = (path for path in package.rglob("*.py") if path.stat().st_mtime > max(compiled))
     if any(KERNEL in path.read_text(encoding="utf-8") for path in newer):
         _forget_mark(stage)
+
+
+def _forget_unreadable(cache: Path) -> None:
+    """Remove indexes of compiled kernels that hold what is no more, such as a class that was renamed: numba reads one before it sees that
+    the source is another."""
+    package = Path(__file__).parents[1]
+    for index in [*(package if package in cache.parents else cache.parent).rglob("*.nbi")]:
+        with index.open("rb") as file, suppress(EOFError, pickle.UnpicklingError):
+            pickle.load(file)  # the version of numba
+            try:
+                pickle.load(file)
+            except (AttributeError, ImportError):
+                index.unlink(missing_ok=True)
 
 
 def _misses(stage: KernelSet) -> int:
