@@ -2,6 +2,7 @@
 
 import os
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from imdim.program.cost import count
 from imdim.program.sequence import Step
 from imdim.program.tree import leaves
 from imdim.search import lns
-from imdim.search.candidate_families import Candidate
+from imdim.search.candidate_families import Candidate, Families
 from imdim.search.lazy_bounds import GainBounds
 from imdim.search.lns import LocalConfig, complete, improve, rate_sequence
 from imdim.search.minimal_ranges import tidy
@@ -103,6 +104,12 @@ def test_a_deadline_cuts_the_search_short():
     assert next(calls) < 60
     assert hurried
     assert hurried[-1].sequence
+
+
+def test_of_a_target_without_volume_there_is_nothing():
+    known = planted(next(iter(PARTS)))
+    nothing = Families(known.arrangement, replace(known.cells, w_in=np.zeros_like(known.cells.w_in)))
+    assert {found.sequence for found in search(nothing, StructureConfig(), np.random.default_rng(0), NEVER)} <= {()}
 
 
 def test_even_without_time_there_is_a_sequence():

@@ -7,7 +7,7 @@ Architects of this search: Du et al. 2018 (cells as specification), Friedrich et
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 
@@ -104,22 +104,21 @@ def _improve_each(
     finalists: list[_Finalist], config: StructureConfig, exact: Price, rng: np.random.Generator, deadline: Deadline
 ) -> Iterator[tuple[int, RatedSequence]]:
     """What local search makes of each, better and better, with its number: of the first here, of the others beside it."""
-    (first, *others), streams = list(enumerate(finalists)), rng.spawn(len(finalists))
+    given, streams = list(finalists), rng.spawn(len(finalists))
 
-    def improved(numbered: tuple[int, _Finalist]) -> Iterator[tuple[int, RatedSequence]]:
-        i, (start, known) = numbered
-        return ((i, found) for found in improve(start, config.local, exact, streams[i], deadline, known))
+    def improved(numbers: Iterable[int]) -> Iterator[tuple[int, RatedSequence]]:
+        return ((i, found) for i in numbers for found in improve(given[i][0], config.local, exact, streams[i], deadline, given[i][1]))
 
     def of_others(_: bool) -> Iterator[tuple[int, _Sent]]:
-        return ((i, _send(found)) for other in others for i, found in improved(other))
+        return ((i, _send(found)) for i, found in improved(range(1, len(given))))
 
-    if not others:
-        yield from improved(first)
+    if len(given) < 2:
+        yield from improved(range(len(given)))
         return
     with SideProcess(of_others) as beside:
-        yield from improved(first)
+        yield from improved([0])
         for i, sent in beside:
-            yield i, _receive(sent, finalists[i][0].families)
+            yield i, _receive(sent, given[i][0].families)
 
 
 def _insert_patterns(done: _Finalist, config: StructureConfig, exact: Price, deadline: Deadline) -> _Finalist:
