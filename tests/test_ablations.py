@@ -7,6 +7,7 @@ import pytest
 from tests.planted import box, cut, cylinder, mesh_of
 
 from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.cost import count
 from imdim.program.tree import leaves
 from imdim.reconstruction import methods
 from imdim.reconstruction.config import Settings
@@ -54,14 +55,16 @@ def test_evolution_is_asked_only_where_it_is_wanted(monkeypatch, evolution, solv
     asked = []
     monkeypatch.setattr(methods, "TOUCHED", -1.0)
     monkeypatch.setattr(methods, "evolve_observation", lambda *given: asked.append(given) or iter(()))
-    snapshots(evolution=evolution, solver=solver, objective="primitives")  # one search, which draws
+    snapshots(evolution=evolution, solver=solver, language="csg")  # what is drawn is not evolved
     assert [given[-1] for given in asked] == ([solver] if evolution else [])
 
 
-@pytest.mark.parametrize("long", [1, 2])
-def test_evolution_is_asked_to_shorten_long_programs(monkeypatch, long):
+@pytest.mark.parametrize("is_long", [True, False])
+def test_evolution_is_asked_to_shorten_long_programs(monkeypatch, is_long):
     asked = []
-    monkeypatch.setattr(methods, "LONG", long)
     monkeypatch.setattr(methods, "evolve_observation", lambda *given: asked.append(given) or iter(()))
-    assert len(list(leaves(snapshots(objective="primitives")[-1].program))) == 1
-    assert len(asked) == (long == 1)
+    found = count(snapshots(language="csg")[-1].program).primitives
+    assert not asked
+    monkeypatch.setattr(methods, "LONG", found if is_long else found + 1)
+    snapshots(language="csg")
+    assert len(asked) == is_long
