@@ -74,13 +74,12 @@ ENDINGS_APART = {
 def test_where_memory_is_limited_even_a_crash_is_one_line(act):
     """Libraries that check no allocation crash: the process that was started tells what became of the one that works."""
     script = RUN + f"import os, signal, time\nsys.exit(run_in_order(lambda: {act}))\n"
-    ended = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (ENOUGH, ENOUGH)),
-        timeout=30,
-    )
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_AS, (ENOUGH, ENOUGH))
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # what runs in the background of a shell ignores it
+
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, preexec_fn=limit, timeout=30)
     assert (ended.returncode, ended.stderr) == ENDINGS_APART[act]
 
 

@@ -62,7 +62,7 @@ TOUCHED = 1e-2  # of the volume; a search that leaves more is followed by a shor
 LONG = 40  # primitives; so is one whose program is this long, which evolution shortens
 POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
 # a tree has hundreds of primitives: so many are named, written and drawn in the time that is kept for any program, each more takes so long
-WRITTEN, WRITTEN_S = 60, 0.015
+WRITTEN, WRITTEN_S = 25, 0.02
 TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 BEYOND_DOUBT = 0.9  # times the bits, that a description has at most that is chosen: prices are counted in a few hundred designs
