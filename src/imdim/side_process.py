@@ -39,6 +39,12 @@ def can_fork() -> bool:
     return has_core and "torch" not in sys.modules and threading.current_thread() is threading.main_thread()
 
 
+def end_with_parent() -> None:
+    """Let this process end when the thread that started it does, however that ends (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PARENT_DEATH, signal.SIGKILL)
+
+
 class SideProcess(Generic[T]):
     """What `generate` yields, in a context that begins with computing it: by a copy of this process, which ends with the context, or, where
     there can be none, by this process as it is asked for.
@@ -95,7 +101,7 @@ class SideProcess(Generic[T]):
 def _send(generate: Callable[[bool], Iterator[object]], to: int) -> None:
     """Write what is generated, and then None, as pickles; ends the process."""
     try:
-        ctypes.CDLL(None).prctl(PARENT_DEATH, signal.SIGKILL)
+        end_with_parent()
         with os.fdopen(to, "wb") as stream:
             for item in generate(True):
                 pickle.dump((item,), stream, pickle.HIGHEST_PROTOCOL)

@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from imdim.app.deferred import defer_modules
-from imdim.app.orderly import SIGNALS, EndSignal, finishing_first
+from imdim.app.orderly import INTERRUPTED, SIGNALS, EndSignal, finishing_first
 from imdim.app.piped import STDIN, load_piped
 from imdim.app.progress import show_progress
 from imdim.program.cost import describe_size
@@ -51,7 +51,6 @@ ENDINGS = {
     "not explained": "this is not the part: the program does not explain what was measured",
     "partial": "this is the part at best in part: what was measured bears out no more",
 }
-INTERRUPTED = 130
 BY_HAND = "by hand"
 WRITING = "the result is being written, which takes seconds (press Ctrl-C again to write nothing)"
 ENDED = {f"by {signal.Signals(number).name}": 128 + number for number in SIGNALS}  # how a search was stopped, and the exit status then

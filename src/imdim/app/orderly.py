@@ -26,7 +26,6 @@ LEAST_SPACE = 1_300_000_000  # bytes of addresses: libraries, compiled kernels a
 CANNOT, INTERRUPTED = 2, 130
 OUT_OF_MEMORY = "imdim: out of memory: raise the limit, or give a smaller part\n"
 CRASHES = tuple(getattr(signal, name) for name in ("SIGSEGV", "SIGABRT", "SIGBUS") if hasattr(signal, name))  # of libraries without memory
-PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -66,10 +65,9 @@ def _run_apart(command: Callable[[], int]) -> int:
     """As `_run`, in a process that ends with this one; where that crashes, memory was short."""
     child = os.fork()
     if child == 0:
-        if sys.platform == "linux":
-            import ctypes  # takes milliseconds, which help need not wait for
+        from imdim.side_process import end_with_parent  # takes milliseconds, which help need not wait for
 
-            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        end_with_parent()
         status = 1
         try:
             status = _run(command)

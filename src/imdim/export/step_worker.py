@@ -30,6 +30,7 @@ from imdim.program.codec import constraints_of, edges_of, from_json, meta_of, pa
 from imdim.program.edges import scale_edges
 from imdim.program.tree import Primitive, Program, map_leaves, map_lengths
 from imdim.program.units import to_millimetres
+from imdim.side_process import end_with_parent
 
 
 class Exported(NamedTuple):
@@ -182,7 +183,7 @@ def _read_line() -> bytes:
     return bytes(line)
 
 
-def _end_with_parent() -> None:
+def _end_with_pipe() -> None:
     while os.read(0, 1):  # the file itself: a stream's lock, held by a thread, ends Python in an error
         pass
     os._exit(1)
@@ -211,12 +212,14 @@ def _label(program: Program, document: object) -> tuple[str, ...]:
 
 def main() -> None:
     """The worker's side."""
+    # its group is not that of who started it, which may be killed as a whole, and a long boolean lets no thread look at the pipe
+    end_with_parent()
     ocp("BRepAlgoAPI")  # with it comes all that is heavy
     asked = _read_line()
     if not asked:
         return  # nobody needs it any more
     document, out, name, called, placed = json.loads(asked)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with_pipe, daemon=True).start()
     try:
         read = parse(Path(document).read_text(encoding="utf-8"))
         program = from_json(read)
