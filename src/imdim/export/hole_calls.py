@@ -16,6 +16,7 @@ import numpy as np
 
 from imdim.export.numbers import Expression, Rounding, simple_fraction, weighted_sum, write_expression
 from imdim.export.parameters import Parameters
+from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.holes import find_holes
 from imdim.geometry.solid import exact_rotation, to_manifold, volume_iou
 from imdim.geometry.surface import vec
@@ -26,7 +27,6 @@ from imdim.program.roles import signs
 from imdim.program.tree import OPS, Combine, Primitive, Program, Vec3, combine_all, fold, leaves
 
 SAME = 1e-7  # of the volume, by which the solid may differ
-SEGMENTS = 48  # of a circle where that is asked
 MOST = 200  # holes of a part that are looked at
 STRAIGHT = 1e-9  # by which a direction along one of the world's axes may be off
 DIGITS_LOST = 2  # of a length, where an opening was found by halving
@@ -197,4 +197,4 @@ def _keeps(program: Program, found: Sequence[_Candidate], copies: Sequence[tuple
 
     join = {op: (lambda a, b, op=op: Combine(op, a, b)) for op in OPS}  # type: ignore[arg-type]
     after = fold(program, change, join)  # type: ignore[arg-type]
-    return 1 - volume_iou(to_manifold(program, SEGMENTS), to_manifold(after, SEGMENTS)) <= SAME
+    return 1 - volume_iou(to_manifold(program, CHECK_SEGMENTS), to_manifold(after, CHECK_SEGMENTS)) <= SAME

@@ -31,6 +31,7 @@ from imdim.geometry.finish.loose_bodies import join_bodies
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.finish.parted import part_bodies
 from imdim.geometry.finish.rails import part_at_posts
+from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.turned_feet import stand_on_faces
 from imdim.geometry.solid import bounds_of, to_manifold
 from imdim.install import install_command
@@ -468,7 +469,7 @@ def _arrange(program: Program, deadline: Deadline) -> Program:
     if deadline.has_passed():
         return program
     program = preserve(program, draw_back(program, deadline), deadline=deadline)
-    bounds = bounds_of(to_manifold(program))
+    bounds = bounds_of(to_manifold(program, CHECK_SEGMENTS))
 
     def is_plainer(new: Program, old: Program) -> bool:
         return is_hardly_longer(new, old, *bounds) and is_same(old, new, HIDDEN, FINELY)

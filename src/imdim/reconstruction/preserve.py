@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from imdim.deadline import NEVER, Deadline
+from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.lowering import postfix
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.numbers.snap import accept_changes
 from imdim.program.tree import Program, leaves, map_leaves
 
 SAME = 5e-4  # of the volume, in which solids may differ and still count as one
-COARSE, FINE = 48, 192  # facets of a circle; the fine ones decide where the coarse say no: what is turned has its corners elsewhere
+COARSE, FINE = CHECK_SEGMENTS, 192  # of a circle; fine ones decide where coarse ones say no: what is turned has its corners elsewhere
 FAR = 0.05  # of the volume, in which solids differ by more than their facets
 TRIES = 24  # solids that are made to find what of a step can be taken
 

@@ -12,10 +12,12 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.finish.hidden_ends import shorten_cones
+from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.geometry.surface import Patch, signed_distance
@@ -31,7 +33,7 @@ from imdim.program.outline import are_near
 from imdim.program.tree import Op, Primitive, Program, Vec3, fold, leaves, longest, map_leaves, replace_leaves
 from imdim.program.vectors import minus
 from imdim.reconstruction.observation import Observation
-from imdim.reconstruction.preserve import preserve
+from imdim.reconstruction.preserve import preserve, volume_difference
 from imdim.target.target import Frame
 
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
@@ -96,11 +98,11 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
     offset = _offset_of(plain, precision) if precision else ORIGIN
     near = replace(frame, center=minus(frame.center, offset))
     start = _move(plain, minus(ORIGIN, offset))
-    judge = _SolidJudge(near.apply(start), seen)
-    rounding = _Rounding(start, _distance_from(seen, near), judge, near, precision, deadline)
+    judge = _SolidJudge(start, seen, near)
+    rounding = _Rounding(start, _distance_from(seen, near), judge, precision, deadline)
     for caution in CAUTIONS:
         out = rounding.run(caution)
-        if out == start or judge.keeps(near.apply(out)):
+        if out == start or judge.keeps(out):
             return plain if out == start else _move(out, offset)
     return plain
 
@@ -156,7 +158,6 @@ class _Rounding:
     plain: Program
     distance: Callable[[Program], float]
     judge: _SolidJudge
-    frame: Frame
     precision: float
     deadline: Deadline
 
@@ -225,29 +226,31 @@ class _Rounding:
         return map_leaves(out, lambda i, _: parts[i])
 
     def _costs(self, program: Program) -> Costs:
-        return self.judge.costs(self.frame.apply(program))
+        return self.judge.costs(program)
 
     def _bears(self, trial: Program, caution: float, spent: Costs = NOTHING, more: float = HARDLY) -> bool:
-        return not self.deadline.has_passed() and self.judge.seems_kept(self.frame.apply(trial), caution, spent, more)
+        return not self.deadline.has_passed() and self.judge.seems_kept(trial, caution, spent, more)
 
 
 class _SolidJudge:
-    """Tells whether programs with rounder numbers have the solid of `plain`, and miss that of a mesh by hardly more than it does."""
+    """Tells whether programs with rounder numbers have the solid of `plain`, and miss that of a mesh by hardly more than it does; all are in
+    the units of a body that the `frame` leads to what was seen of it."""
 
-    def __init__(self, plain: Program, seen: Observation) -> None:
-        self.solid, self.target = to_manifold(plain), seen.solid
+    def __init__(self, plain: Program, seen: Observation, frame: Frame) -> None:
+        self.plain, self.target, self.frame = plain, seen.solid, frame
         self.most = SNAP_CHANGE if seen.target.mesh is not None else 10 * SNAP_CHANGE
         points = subsample(seen.target.points, JUDGING)
         # a row of the distances of all points to a leaf serves all programs that have it
         self.values_of = lru_cache(MOST_ROWS)(lambda leaf: kernels.program_sdf(leaf, points))
         self.values = self._values(plain)
-        self.thickness = self.solid.volume() / max(self.solid.surface_area(), 1e-300)
+        coarse = to_manifold(plain, CHECK_SEGMENTS)
+        self.thickness = frame.scale * coarse.volume() / max(coarse.surface_area(), 1e-300)
         self.missed = float(np.abs(self.values).mean()) / self.thickness
         # drawn numbers have come nearer to the facets than typed ones are
         self.most_lost = min(SNAP_LOSS + FACETED * self.missed, SNAP_CHANGE)
 
     def _values(self, program: Program) -> np.ndarray:
-        return fold(program, lambda _, leaf: self.values_of(leaf), VALUES)
+        return fold(self.frame.apply(program), lambda _, leaf: self.values_of(leaf), VALUES)
 
     def costs(self, trial: Program) -> Costs:
         """As the distances of the target's points say: what lies between two surfaces is their mean distance times their area, up to a
@@ -264,14 +267,22 @@ class _SolidJudge:
 
     def keeps(self, trial: Program) -> bool:
         """Whether exact booleans say so. One less an IoU is a distance between solids: what changes the solid by less than
-        may be lost of the mesh loses no more, and the mesh, which has the most faces, is not asked."""
-        solid = to_manifold(trial)
+        may be lost of the mesh loses no more, and the mesh, which has the most faces, is not asked; nor are many facets of a circle where
+        few say so, as both solids have them."""
+        if volume_difference(self.plain, trial) < SURELY * self.most_lost:
+            return True
+        solid = to_manifold(self.frame.apply(trial))
         changed = 1 - volume_iou(self.solid, solid)
         if changed >= SLACK * self.most:
             return False
         if self.target is None or changed < SURELY * self.most_lost:
             return True
         return self.iou - volume_iou(solid, self.target) < SLACK * self.most_lost
+
+    @cached_property
+    def solid(self) -> Manifold:
+        """That of `plain`, in the frame of the target's."""
+        return to_manifold(self.frame.apply(self.plain))
 
     @cached_property
     def iou(self) -> float:

@@ -21,6 +21,7 @@ from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.finish.active_zone import zone_within
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.finish.posed import PosedPrimitive
+from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.holes import find_holes
 from imdim.geometry.solid import SEGMENTS, bounds_of, exact_rotation, to_manifold, to_trimesh
 from imdim.geometry.surface import Surface, vec
@@ -76,7 +77,7 @@ def take_off_stand_ins(program: Program, target: Target, deadline: Deadline = NE
     """A program of a mesh without the boxes and prisms that stand for chamfers, and the chains that they stood for, in the target's units;
     as far as time allows."""
     chains: list[Chain] = []
-    whole = to_manifold(program)
+    volume = to_manifold(program, CHECK_SEGMENTS).volume()
     for stand_in in sorted(_find_both_ways(program, deadline), key=lambda s: -s.number):
         own = [chain for sliver in stand_in.slivers if stand_in.kind != "cone" for chain in _chain_of(sliver)]
         rest = without(program, {leaf_paths(program)[stand_in.number][0]})
@@ -84,7 +85,7 @@ def take_off_stand_ins(program: Program, target: Target, deadline: Deadline = NE
             continue
         edges = find_edge_features(rest, own, target).features
         before, after = to_manifold(program), solid_with_edges(rest, edges)
-        if ((before - after) + (after - before)).volume() <= SAME * stand_in.share * whole.volume():
+        if ((before - after) + (after - before)).volume() <= SAME * stand_in.share * volume:
             program, chains = rest, [*own, *chains]
     return program, tuple(chains)
 
@@ -101,14 +102,16 @@ def _find_both_ways(program: Program, deadline: Deadline) -> Iterator[StandIn]:
     # what does not overshoot does what it did
     moved = {i for i, (old, new) in enumerate(zip(leaves(program), leaves(longer), strict=True)) if old != new}
     if left := moved - {s.number for s in found}:
-        yield from find_stand_ins(longer, deadline, left)
+        yield from find_stand_ins(longer, deadline, left, to_manifold(program, CHECK_SEGMENTS))
 
 
-def find_stand_ins(program: Program, deadline: Deadline = NEVER, among: Container[int] | None = None) -> Iterator[StandIn]:
-    """Those of a program (of the primitives `among` these numbers), without its edge features. The seats of heads and the points of drills
-    are of their holes, and are none."""
-    whole, seats = to_manifold(program), _seats(program)
-    volume, size = whole.volume(), float(np.linalg.norm(np.diff(bounds_of(whole), axis=0)))
+def find_stand_ins(
+    program: Program, deadline: Deadline = NEVER, among: Container[int] | None = None, rough: Manifold | None = None
+) -> Iterator[StandIn]:
+    """Those of a program (of the primitives `among` these numbers), without its edge features; its `rough` solid is made unless it is given.
+    The seats of heads and the points of drills are of their holes, and are none."""
+    rough, seats = to_manifold(program, CHECK_SEGMENTS) if rough is None else rough, _seats(program)
+    volume, size = rough.volume(), float(np.linalg.norm(np.diff(bounds_of(rough), axis=0)))
     main, placed = _largest(program), [PosedPrimitive(leaf, SEGMENTS) for leaf in leaves(program)]
     for number, (path, leaf) in enumerate(leaf_paths(program)):
         if deadline.has_passed():
@@ -119,7 +122,7 @@ def find_stand_ins(program: Program, deadline: Deadline = NEVER, among: Containe
         rest = without(program, {path}) if may and _may_be_slivers(program, path, placed, number, volume) else None
         if rest is None:
             continue
-        other = to_manifold(rest)
+        whole, other = to_manifold(program), to_manifold(rest)
         if abs(whole.volume() - other.volume()) > 2 * SHARE * volume:
             continue  # far more than slivers, which takes long to tell piece by piece
         film = FILM * volume

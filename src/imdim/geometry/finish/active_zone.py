@@ -86,13 +86,18 @@ def _decides(program: Program, placed: list[PosedPrimitive], index: int, region:
     return left if isinstance(left, bool) else left.volume() > NOTHING * region.solid.volume()
 
 
-def change_with(program: Program, index: int, larger: Primitive, segments: int = SEGMENTS) -> float:
-    """Volume in which the solid of `program` changes where `larger`, which holds primitive `index`, takes its place. What does not reach
-    there is not asked: a tenth of the time of making the solid anew."""
+def change_with(program: Program, index: int, larger: Primitive) -> float:
+    """Volume in which the solid of `program` changes where `larger`, which holds primitive `index`, takes its place."""
+    return find_change(program, index, larger, SEGMENTS).volume()
+
+
+def find_change(program: Program, index: int, larger: Primitive, segments: int) -> Manifold:
+    """Where the solid of `program` changes if `larger`, which holds primitive `index`, takes its place. What does not reach there is not
+    asked: a tenth of the time of making the solid anew."""
     placed, new = [PosedPrimitive(leaf, segments) for leaf in leaves(program)], PosedPrimitive(larger, segments)
     more = new.solid - placed[index].solid
     zone = zone_within(program, placed, index, new, more)
-    return (zone if isinstance(zone, Manifold) else more if zone else Manifold()).volume()
+    return zone if isinstance(zone, Manifold) else more if zone else Manifold()
 
 
 def zone_within(program: Program, placed: list[PosedPrimitive], index: int, held_by: PosedPrimitive, region: Manifold) -> Manifold | bool:

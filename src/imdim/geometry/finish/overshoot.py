@@ -26,6 +26,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.active_zone import matters
 from imdim.geometry.finish.extend import Face, apex, between, beyond, flip_face, length, plane_faces, within
 from imdim.geometry.finish.posed import PosedPrimitive, diagonal
+from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.solid import bounds_of, primitive_to_manifold, to_manifold, volume_iou
 from imdim.program.repeats import Folded, copies_of
@@ -101,9 +102,9 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
     home = Manifold.cube(tuple(corners[1] - corners[0] + 2 * MARGIN * diagonal)).translate(tuple(corners[0] - MARGIN * diagonal))
 
     def stray(trial: Program) -> Manifold:
-        return to_manifold(trial) - home
+        return to_manifold(trial, CHECK_SEGMENTS) - home
 
-    out = stray(program)
+    out = stray(program) if _may_reach_beyond(program, bounds_of(home)) else Manifold()
     for i, sign in enumerate(signs(program)):
         for face in plane_faces(list(leaves(program))[i]) if sign < 0 else ():
             leaf = list(leaves(program))[i]
@@ -121,3 +122,9 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
             if volume_iou(to_manifold(trials[best]), solid) >= volume_iou(to_manifold(program), solid):
                 program, out = trials[best], stray(trials[best])
     return program
+
+
+def _may_reach_beyond(program: Program, box: np.ndarray) -> bool:
+    """Whether the box of an added primitive leaves a `box` [2, 3]: the solid is within those boxes."""
+    added = [PosedPrimitive(leaf).bounds for leaf, sign in zip(leaves(program), signs(program), strict=True) if sign > 0]
+    return any((low < box[0]).any() or (high > box[1]).any() for low, high in added)

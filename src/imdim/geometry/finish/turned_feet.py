@@ -7,12 +7,12 @@ then that of a place inside the plate, and where the plate is narrow the cone co
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 
 import numpy as np
 from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
+from imdim.geometry.finish.active_zone import find_change
 from imdim.geometry.finish.extend import between, length, plane_faces
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.tolerances import ALIGNED, TOUCH
@@ -22,34 +22,37 @@ from imdim.program.roles import signs
 from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest, replace_leaves
 
 NOTHING = 1e-6  # of IoU, which rounding errors of the booleans may cost
+FALLS = 4  # times the target: what it and a program that is worth a look hold together at most
 
 
 def stand_on_faces(program: Program, target: Manifold, deadline: Deadline = NEVER) -> Program:
     """The program whose added cones and turned drawings end at faces of other added parts, as far up as its IoU with the `target` does not
     fall: what is taken off is hidden in others, or in the air. Past the `deadline` (by default never) the others stay."""
-    # the program that a trial is compared with was a trial, and one end may be tried for two leaves
-    iou = lru_cache(lambda trial: volume_iou(to_manifold(trial, CHECK_SEGMENTS), target))
-    whole = target.volume()
-
-    def is_as_near(trial: Program) -> bool:
-        before, after = (to_manifold(each, CHECK_SEGMENTS).volume() for each in (program, trial))
-        # what the target says of less of one part is asked only where the whole has become less
-        if abs(before - after) <= NOTHING * whole:
-            return True
-        # two solids share no more than the smaller one, and hold no less than the larger one
-        most = min(after, whole) / max(after, whole)
-        return most >= iou(program) - NOTHING and iou(trial) >= iou(program) - NOTHING
-
     for i, sign in enumerate(signs(program)):
         for side in (-1, 1) if sign > 0 else ():
             for shorter in _shorten(program, i, side):
                 if deadline.has_passed():
                     return program
                 trial = replace_leaves(program, {i: shorter})
-                if is_as_near(trial):
+                if _is_as_near(trial, i, program, target):
                     program = trial
                     break
     return program
+
+
+def _is_as_near(trial: Program, i: int, program: Program, target: Manifold) -> bool:
+    """Whether a trial, whose leaf `i` is the one of the program that was shortened, has no lower IoU with the target."""
+    before = list(leaves(program))[i]
+    lost, whole = find_change(trial, i, before, CHECK_SEGMENTS), target.volume()
+    if lost.volume() <= NOTHING * whole:
+        return True
+    needed = (lost ^ target).volume()
+    if needed <= NOTHING * whole:
+        return True
+    # what both share falls by what was needed, what either holds by the rest: where the first is more, their ratio falls, which is at most one
+    if needed - (lost.volume() - needed) > FALLS * NOTHING * whole:
+        return False
+    return volume_iou(to_manifold(trial, CHECK_SEGMENTS), target) >= volume_iou(to_manifold(program, CHECK_SEGMENTS), target) - NOTHING
 
 
 def _shorten(program: Program, i: int, side: int) -> Iterator[Primitive]:
