@@ -233,8 +233,8 @@ class _Rounding:
 
 
 class _SolidJudge:
-    """Tells whether programs with rounder numbers have the solid of `plain`, and miss that of a mesh by hardly more than it does; all are in
-    the units of a body that the `frame` leads to what was seen of it."""
+    """Tells whether programs with rounder numbers have the solid of `plain`, and miss that of a mesh by hardly more than it does; all in
+    the units of a body, from which the `frame` leads to what was seen of it."""
 
     def __init__(self, plain: Program, seen: Observation, frame: Frame) -> None:
         self.plain, self.target, self.frame = plain, seen.solid, frame

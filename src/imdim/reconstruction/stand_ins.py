@@ -19,6 +19,7 @@ from imdim.detection.blends import Blend, Chain
 from imdim.geometry import kernels
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.finish.active_zone import zone_within
+from imdim.geometry.finish.extend import plane_faces
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.finish.section import CHECK_SEGMENTS
@@ -93,22 +94,25 @@ def take_off_stand_ins(program: Program, target: Target, deadline: Deadline = NE
 def _find_both_ways(program: Program, deadline: Deadline) -> Iterator[StandIn]:
     """Those of a program as it is, and those that show once cutters overshoot: a box that ends a hair inside the part takes off more than
     its bevels."""
-    main = _largest(program)
-    if not any(_may_stand_in(leaf, main) for leaf in leaves(program)):
+    main, seats = _largest(program), _seats(program)
+    asked = {i for i, leaf in enumerate(leaves(program)) if _may_stand_in(leaf, main)} - seats
+    if not asked:
         return
-    found = list(find_stand_ins(program, deadline))
+    found = list(find_stand_ins(program, deadline, asked))
     yield from found
-    longer = overshoot(program, deadline=deadline)
+    asked -= {s.number for s in found}
+    others = {(i, face) for i, leaf in enumerate(leaves(program)) if i not in asked for face in plane_faces(leaf)}
+    longer = overshoot(program, deadline=deadline, kept=others)
     # what does not overshoot does what it did
     moved = {i for i, (old, new) in enumerate(zip(leaves(program), leaves(longer), strict=True)) if old != new}
-    if left := moved - {s.number for s in found}:
-        yield from find_stand_ins(longer, deadline, left, to_manifold(program, CHECK_SEGMENTS))
+    if moved:
+        yield from find_stand_ins(longer, deadline, moved, to_manifold(program, CHECK_SEGMENTS))
 
 
 def find_stand_ins(
     program: Program, deadline: Deadline = NEVER, among: Container[int] | None = None, rough: Manifold | None = None
 ) -> Iterator[StandIn]:
-    """Those of a program (of the primitives `among` these numbers), without its edge features; its `rough` solid is made unless it is given.
+    """Those of a program (of the primitives `among` these numbers), without its edge features; a `rough` solid of it is made unless given.
     The seats of heads and the points of drills are of their holes, and are none."""
     rough, seats = to_manifold(program, CHECK_SEGMENTS) if rough is None else rough, _seats(program)
     volume, size = rough.volume(), float(np.linalg.norm(np.diff(bounds_of(rough), axis=0)))

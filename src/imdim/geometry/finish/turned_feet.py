@@ -49,7 +49,7 @@ def _is_as_near(trial: Program, i: int, program: Program, target: Manifold) -> b
     needed = (lost ^ target).volume()
     if needed <= NOTHING * whole:
         return True
-    # what both share falls by what was needed, what either holds by the rest: where the first is more, their ratio falls, which is at most one
+    # what both share falls by what was needed, what either holds by the rest: the ratio, at most one, falls where the first is more
     if needed - (lost.volume() - needed) > FALLS * NOTHING * whole:
         return False
     return volume_iou(to_manifold(trial, CHECK_SEGMENTS), target) >= volume_iou(to_manifold(program, CHECK_SEGMENTS), target) - NOTHING
