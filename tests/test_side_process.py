@@ -8,7 +8,7 @@ import time
 import pytest
 
 from imdim import side_process
-from imdim.side_process import SideProcess
+from imdim.side_process import SideProcess, without_copies
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are for Linux")
 
@@ -30,6 +30,13 @@ def test_a_copy_yields_in_order(two_cores):
     assert [number for number, *_ in found] == [0, 1, 2]
     assert os.getpid() not in {process for _, process, _ in found}
     assert all(apart for *_, apart in found)
+
+
+def test_a_block_may_have_none(two_cores):
+    with without_copies(), SideProcess(places) as beside:
+        assert [process for _, process, _ in beside] == [os.getpid()] * 3
+    with SideProcess(places) as beside:
+        assert os.getpid() not in {process for _, process, _ in beside}
 
 
 @pytest.mark.parametrize(

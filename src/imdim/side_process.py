@@ -10,7 +10,8 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from itertools import islice
 from types import TracebackType
 from typing import IO, Generic, TypeVar
@@ -18,6 +19,7 @@ from typing import IO, Generic, TypeVar
 T = TypeVar("T")
 
 PARENT_DEATH = 1  # PR_SET_PDEATHSIG, <linux/prctl.h>
+_ALONE = ContextVar("_ALONE", default=False)
 CORES = "OMP_NUM_THREADS"  # how many cores a person wants used, as numeric libraries understand it
 
 
@@ -35,8 +37,18 @@ def count_cores() -> int:
 def can_fork() -> bool:
     """Whether there is a core for a copy of this process, and nothing in it that a copy breaks: threads of torch's do not survive in one,
     and what another thread holds stays held."""
-    has_core = sys.platform == "linux" and count_cores() > 1 and os.environ.get(CORES) != "1"
+    has_core = sys.platform == "linux" and count_cores() > 1 and os.environ.get(CORES) != "1" and not _ALONE.get()
     return has_core and "torch" not in sys.modules and threading.current_thread() is threading.main_thread()
+
+
+@contextmanager
+def without_copies() -> Iterator[None]:
+    """Let this process compute all in the block by itself: a copy of one that compiles compiles the same again."""
+    before = _ALONE.set(True)
+    try:
+        yield
+    finally:
+        _ALONE.reset(before)
 
 
 def end_with_parent() -> None:

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 from numba import njit
 from numba.core import event
 
-from imdim.side_process import count_cores
+from imdim.side_process import count_cores, without_copies
 
 try:
     import resource
@@ -76,7 +76,7 @@ def _compile_stage(stage: KernelSet, stream: TextIO) -> None:
         _forget_unreadable(Path(stage.mark.stats.cache_path))
         alone = count_cores() < 2
         try:
-            with _uncollected(), _Counter(stage, stream, alone) as counter, _helper(stage, alone):
+            with _uncollected(), without_copies(), _Counter(stage, stream, alone) as counter, _helper(stage, alone):
                 stage.compile()
         except BaseException:
             _forget_mark(stage)
@@ -85,14 +85,18 @@ def _compile_stage(stage: KernelSet, stream: TextIO) -> None:
 
 
 def compile_second_half() -> None:
-    """Compile the kernels that say what a program is worth, in the order in which a first run comes to them."""
+    """Compile the best region of an outline, which this process's are made of, and the kernels that say what a program is worth, in the
+    order in which a first run comes to them."""
     import numpy as np
 
     from imdim.geometry import kernels
     from imdim.geometry.triangles import distances, triangle_tree
     from imdim.search.exact.columns import distinct_boxes, keep_maximal
     from imdim.search.front.fitness import SampledTarget, Scorer
+    from imdim.search.outline_kernels import Graph, find_region
 
+    none, pairs = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
+    find_region(Graph(np.zeros(1, np.int64), np.zeros(0, np.bool_), none, pairs, pairs, np.zeros(0), none, none), np.zeros(1), 0.0, False)
     part, target, words = _small_part(), _small_target(), np.ones((1, 1), np.uint64)
     points, volumes = target.points[:64], np.ones(64)
     kernels.inside(part, points)

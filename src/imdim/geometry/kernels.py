@@ -4,7 +4,8 @@ At almost every point one leaf decides the program's value, so the derivative is
 Jacobian. It comes in the leaf's own frame (sizes, shift along the local axes, rotation vector in radians about them, right-multiplied),
 which has no gimbal lock.
 
-All compiled functions stay in this one file: numba's on-disk cache does not notice a change in an imported one.
+All compiled functions stay in this one file: numba's on-disk cache does not notice a change in an imported one. A flag that
+they pass is no literal (`np.bool_(True)`): numba compiles a function once for each literal.
 """
 
 from __future__ import annotations
@@ -309,13 +310,13 @@ def _count_crossings(curves, turned, u, v, odd):
 def _outline_values(curves, points):
     out = np.empty(len(points))
     for j in range(len(points)):
-        out[j] = _outline(curves, points[j, 0], points[j, 1], False)[0]
+        out[j] = _outline(curves, points[j, 0], points[j, 1], np.bool_(False))[0]
     return out
 
 
 @njit(nogil=True, cache=True)
 def _extrude(curves, s, x, y, z, out):
-    side, gx, gy = _outline(curves, x, y, False)
+    side, gx, gy = _outline(curves, x, y, np.bool_(False))
     d, g, gz = _faces2(side, abs(z) - s[0] / 2)
     out[0], out[1], out[2] = -gz / 2, 0.0, 0.0
     out[3], out[4], out[5] = g * gx, g * gy, math.copysign(gz, z)
@@ -325,7 +326,7 @@ def _extrude(curves, s, x, y, z, out):
 @njit(nogil=True, cache=True)
 def _revolve(curves, s, x, y, z, out):
     rho = math.sqrt(x * x + y * y)
-    d, g_rho, g_z = _outline(curves, rho, z, True)
+    d, g_rho, g_z = _outline(curves, rho, z, np.bool_(True))
     out[0], out[1], out[2] = 0.0, 0.0, 0.0
     _turn(g_rho, g_z, rho, x, y, out)
     if s[0] >= 360.0:
@@ -336,7 +337,7 @@ def _revolve(curves, s, x, y, z, out):
         # of two faces through the axis the nearer one is that which is turned away less
         end = at - angle < 2 * math.pi - at
         off = at - angle if end else 2 * math.pi - at
-        flat, g_u, g_v = _outline(curves, rho * math.cos(off), z, False)
+        flat, g_u, g_v = _outline(curves, rho * math.cos(off), z, np.bool_(False))
         d, g_flat, g_beside = _faces2(max(flat, 0.0), rho * math.sin(off))
         _end_face(end, off, g_flat * g_u, g_flat * g_v, g_beside, s[0], rho, out)
         return d
@@ -680,7 +681,7 @@ def _write_inside(code, first, kinds, sizes, centers, rotations, curves, spans, 
 def _program_inside(code, kinds, sizes, centers, rotations, curves, spans, points):
     held = np.empty(len(points), np.bool_)
     boxes, blocks = _find_boxes(kinds, sizes, centers, rotations, curves, spans), _find_block_boxes(points)
-    _write_inside(code, 0, kinds, sizes, centers, rotations, curves, spans, boxes, points, blocks, held)
+    _write_inside(code, np.int64(0), kinds, sizes, centers, rotations, curves, spans, boxes, points, blocks, held)
     return held
 
 

@@ -1,7 +1,7 @@
 """Compiled: the places of a sequence, what bounds each, and a look at those that may win most.
 
 Cells are flagged by the bits of words of 64 (`bits.pack_words`). Sums of gains are exact in any order (`Cells.gain_under`), so those over a
-group's slots are carried over from a look at nearly the same cells: what differs is all that need be added. Kernels of `kernels` and
+group's slots are carried over from a look at nearly the same cells: what differs is all that need be added. Those of `kernels` and
 `outline_kernels` are compiled into these; numba's on-disk cache does not notice when they change, so this file has to change, too.
 """
 

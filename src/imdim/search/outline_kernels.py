@@ -1,7 +1,8 @@
 """Compiled loops of the best region: curves counted wall by wall, faces tried, maximum flow (Dinic 1970), regions that touch themselves.
 
 A region is flags [f + 1] of the faces; the last stands for what lies outside of the window, and is never in. Of n faces the flow's source
-is node n and its sink n + 1. All of them stay in this one file: numba's on-disk cache does not notice a change in an imported one.
+is node n and its sink n + 1. All of them stay in this one file: numba's on-disk cache does not notice a change in an imported one. A flag
+that they pass is no literal (`np.bool_(True)`): numba compiles a function once for each literal.
 """
 
 from __future__ import annotations
@@ -119,13 +120,13 @@ def offer_outlines(graph, sums, faces, levels, sign, floor, price, paid):
         if pairs[k, 2] <= least:
             break
         lo, hi = int(pairs[k, 0]), int(pairs[k, 1])
-        won, inside = _price_region(graph, below[:, hi] - below[:, lo], price, paid, False)
+        won, inside = _price_region(graph, below[:, hi] - below[:, lo], price, paid, np.bool_(False))
         if won > least:
             least, low, high = won, lo, hi
             _fill_offer(wins, offers, 0, won, inside)
     if low < 0:
         return min(most, floor), 0, 0, 0, wins, offers
-    won, inside = _price_region(graph, below[:, high] - below[:, low], price, paid, True)
+    won, inside = _price_region(graph, below[:, high] - below[:, low], price, paid, np.bool_(True))
     if won <= wins[0]:
         return most, 1, low, high, wins, offers
     _fill_offer(wins, offers, 1, wins[0], offers[0])
