@@ -3,7 +3,7 @@
 A place that is measured from far off moves far: a tenth of half a plate's length takes a hole near the plate's end out of it, and a tenth
 of a deep pocket breaks through the wall before the next one. Who draws such a hole measures it from that end, and such a pocket by the wall
 that it leaves. So where a tenth of a name moves one of two faces past the other, of one leaf or of two, the later one is measured from the
-earlier, as far as nothing else says where it is.
+earlier, as far as nothing else says where it is. So are corners of a drawing that crosses itself once a name is a tenth more or less.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from imdim.deadline import NEVER, Deadline
+from imdim.export.drawable import RADIUS_STEP, Drawings, Undrawn
 from imdim.export.followers import BETWEEN_AXES, FROM_EDGE, GAP, OFFSET, SHOULDER, WALL, rank_followers
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.reduction import Reduced
@@ -30,6 +31,8 @@ TENTH = 0.1  # of a name's value
 SLACK = 1e-6  # of the largest size, by which boxes that touch may miss each other
 UNNAMED = 1e-3  # of it: a gap that is no wider stays as it is, and has no name: by so much people let parts overlap
 TRIES = 120  # of equations
+DRAWN_TRIES = 40  # of equations for drawings,
+DISTANCES_TRIED = 6  # so many for each
 DISTANCES = (GAP, FROM_EDGE, BETWEEN_AXES, OFFSET)
 MOST_WORK = 20_000_000  # tries times spans times variables, which take some seconds
 MOST_SPANS = 3000  # of a program: their pairs are looked at,
@@ -56,7 +59,34 @@ def solve_apart(system: LinearSystem, program: Program, deadline: Deadline = NEV
             break
         tried.add((hazard.first, hazard.second))
         state = _keep_apart(system, program, found, hazard, state) or state
+    if not deadline.has_passed():
+        state = _keep_drawn(system, program, found, state, deadline)
     return state.solved, state.unseen
+
+
+def _keep_drawn(system: LinearSystem, program: Program, found: _Spans, state: _Solution, deadline: Deadline) -> _Solution:
+    """The solution with equations by which corners and radii of drawings stay as far apart as they are, where fewer names spoil drawings
+    then, and no more move faces past each other."""
+    drawings, tried = Drawings(system), set[tuple[int, int]]()
+    undrawn = drawings.find_undrawn(state.solved, state.unseen)
+    for _ in range(DRAWN_TRIES):
+        spoiled = next((u for u in undrawn if u[:2] not in tried), None)
+        if spoiled is None or deadline.has_passed():
+            break
+        tried.add(spoiled[:2])
+        for row, value, word, is_radial in drawings.list_distances(spoiled, state.solved)[:DISTANCES_TRIED]:
+            known, place = len(system.start), _Place(spoiled.leaf, spoiled.leaf, spoiled.variable, is_radial)
+            after = _solve_with(system, program, found, state, _Distance(row, value, word), place)
+            left = undrawn if after is None or state.is_safer(after) else drawings.find_undrawn(after.solved, after.unseen)
+            if after is not None and _count_names(left) < _count_names(undrawn):
+                state, undrawn = after, left
+                break
+            del system.start[known:], system.extras[known - system.extra :]
+    return state
+
+
+def _count_names(undrawn: Sequence[Undrawn]) -> int:
+    return len({u.variable for u in undrawn})
 
 
 class Hazard(NamedTuple):
@@ -99,18 +129,36 @@ def _add_equation(
     system: LinearSystem, program: Program, found: _Spans, hazard: Hazard, before: _Solution, equation: _Distance
 ) -> _Solution | None:
     """The solution with a distance that stays, if something plain may follow from it and it is safer than that `before`."""
-    first, second = found.leaves_of(hazard)
+    after = _solve_with(
+        system, program, found, before, equation, _Place(*found.leaves_of(hazard), hazard.variable, found.is_radial(hazard))
+    )
+    return after if after is not None and after.is_safer(before) else None
+
+
+class _Place(NamedTuple):
+    """Between what leaves a distance is, the second of which is to follow, which variable moves it, and whether it is one from an axis."""
+
+    first: int
+    second: int
+    mover: int
+    is_radial: bool = False
+
+
+def _solve_with(
+    system: LinearSystem, program: Program, found: _Spans, before: _Solution, equation: _Distance, place: _Place
+) -> _Solution | None:
+    """The solution with a distance that stays; None where nothing plain may follow from that."""
+    first, second, mover, is_radial = place
     reduced = before.reduced.add([equation.with_name(system, first, second)], len(system.start))
     left = reduced.matrix[-1]
-    ranked = rank_followers(system, np.flatnonzero(left).tolist(), second, first, hazard.variable, found.is_radial(hazard))
+    ranked = rank_followers(system, np.flatnonzero(left).tolist(), second, first, mover, is_radial)
     follower = next((v for v in ranked if system.is_plain(left / left[v])), None)
     if follower is None:
         return None
     reduced.solve_for(follower, len(reduced.matrix) - 1)
     solved = system.solve(reduced)
     unseen = find_unseen(system, solved, program)
-    after = _Solution(solved, unseen, found.find_hazards(solved, unseen), reduced)
-    return after if after.is_safer(before) else None
+    return _Solution(solved, unseen, found.find_hazards(solved, unseen), reduced)
 
 
 class _Distance(NamedTuple):
@@ -127,7 +175,11 @@ class _Distance(NamedTuple):
         alike = (v for v, said in enumerate(system.extras, system.extra) if said == (leaf, self.word))
         if self.word in DISTANCES:
             alike = (v for v in alike if system.gaps.get(v) == first)
-        same = (v for v in alike if self.word in (*DISTANCES, WALL) and abs(system.start[v] - abs(self.value)) <= SLACK * system.length)
+        same = (
+            v
+            for v in alike
+            if self.word in (*DISTANCES, WALL, RADIUS_STEP) and abs(system.start[v] - abs(self.value)) <= SLACK * system.length
+        )
         name = next(same, None) or system.new(leaf, self.word, abs(self.value))
         if self.word in DISTANCES:
             system.gaps[name] = first

@@ -26,11 +26,11 @@ ENDS = frozenset(("depth", "from", "floor", "x", "y", "z"))  # first words of wh
 
 def rank_followers(system: LinearSystem, among: Iterable[int], second: int, first: int, mover: int, radial: bool) -> list[int]:
     """Those of variables `among` that may follow from how far a face of the leaf `second` is from one of `first`, the best first; `mover`
-    moves one past the other. A `radial` distance is one between two diameters, of which one follows."""
+    moves one past the other. A `radial` distance is one between two diameters or radii, of which one follows."""
     order = (LINE, PLACE, END) if first == second else (PLACE, END, LINE)
     ranks: dict[int, int] = {}
     for v in among:
-        leaf, kind = system.leaf_of(v), LINE if radial and _is_diameter(system, v) else _kind_of(system, v)
+        leaf, kind = system.leaf_of(v), LINE if radial and _is_across(system, v) else _kind_of(system, v)
         if leaf == second and kind in order:
             ranks[v] = 0 if v == mover else 1 + order.index(kind)
         elif leaf == first and kind in (PLACE, LINE):
@@ -42,8 +42,9 @@ def rank_followers(system: LinearSystem, among: Iterable[int], second: int, firs
     return sorted(ranks, key=lambda v: (ranks[v], -v))
 
 
-def _is_diameter(system: LinearSystem, v: int) -> bool:
-    return v >= system.extra and system.extras[v - system.extra][1].endswith("diameter")
+def _is_across(system: LinearSystem, v: int) -> bool:
+    """Whether a variable says how wide something round is."""
+    return v >= system.extra and system.extras[v - system.extra][1].endswith(("diameter", "arc_radius"))
 
 
 def _kind_of(system: LinearSystem, v: int) -> int | None:

@@ -307,8 +307,16 @@ def flatten_loop(loop: Loop, segments: int) -> list[Point]:
     return out
 
 
+class CrossingError(ValueError):
+    """Two `curves`, each the number of its loop and its own, that cross or touch."""
+
+    def __init__(self, first: tuple[int, int], second: tuple[int, int]) -> None:
+        super().__init__(f"loop {first[0]} curve {first[1]} crosses or touches loop {second[0]} curve {second[1]}")
+        self.curves = first, second
+
+
 def check_crossings(outline: Outline) -> None:
-    """Raise ValueError, a line that names both curves, where two curves cross or touch other than in a common vertex.
+    """Raise ValueError, a line that names both curves, a CrossingError where two curves cross or touch other than in a common vertex.
 
     An arc that is all but tangent to its neighbour may cross it again beside their vertex, as long as neither leaves the other by then.
     Refused too are curves that are too short, too flat or too round for that to be told.
@@ -328,7 +336,7 @@ def check_crossings(outline: Outline) -> None:
     for m, n in _near_pairs([[math.ldexp(v, -power) for corner in box for v in corner] for box in boxes], tolerance):
         (i, k, a), (j, other, b) = named[m], named[n]
         if _meets_apart(a, b, tolerance, i == j):
-            raise ValueError(f"loop {i} curve {k} crosses or touches loop {j} curve {other}")
+            raise CrossingError((i, k), (j, other))
 
 
 def _near_pairs(boxes: Sequence[Sequence[float]], margin: float) -> Iterator[tuple[int, int]]:

@@ -1,0 +1,72 @@
+"""What a tenth of a name would make cross itself, or leave without an arc, is measured so that it can be drawn."""
+
+import math
+
+import pytest
+from tests.export.test_outlines import opened
+
+from imdim.export.drawable import NONE, find_fault
+from imdim.export.drawn_vertex import BendAngle, BendRadius, Center, DrawnPolygon, DrawnVertex, Reach, numbers_of
+from imdim.export.edit import change_values
+from imdim.program.outline import CrossingError, Outline, check_crossings, circle
+from imdim.program.tree import Primitive
+
+WIDTH = 12.0
+
+
+def _tooth(inner, outer):
+    """Between two arcs, each of a radius about a place on the x axis, as wide as all others."""
+    half, lines = WIDTH / 2, []
+    for radius, centre in (inner, outer):
+        lines.append((centre + math.sqrt(radius**2 - half**2), math.tan(math.asin(half / radius) / 2)))
+    (left, back), (right, front) = lines
+    return ((left, -half, 0.0), (right, -half, front), (right, half, 0.0), (left, half, -back))
+
+
+def test_teeth_between_arcs_have_radii_that_follow_each_other():
+    """Six of a scroll: a radius of 62.983 that alone becomes 56.685 takes the tooth's back through the one before."""
+    teeth = (((38.083 + 8.3 * k, -31.95 - 3.3 * k), (40.905 + 8.3 * k, -31.95 - 3.65 * k)) for k in range(6))
+    part = opened(Primitive("extrude", (5.0,), outline=Outline(tuple(_tooth(*tooth) for tooth in teeth))))
+    assert part.values["body_radius_step_2"] == pytest.approx(8.3)
+    for name, value in part.values.items():
+        for factor in (0.9, 1.1):
+            edited = change_values(part, {name: factor * value}).program
+            assert isinstance(edited, Primitive)
+            assert edited.outline is not None
+            check_crossings(edited.outline)
+
+
+def _drawn(*corners):
+    return tuple(DrawnVertex(x, y, bend) for x, y, bend in corners)
+
+
+@pytest.mark.parametrize(
+    ("rings", "pairs"),
+    [
+        ((_drawn((0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (4.0, 3.0, 0.0)),), 0),
+        ((_drawn((0.0, 0.0, BendRadius(1.9, 1)), (4.0, 0.0, 0.0), (4.0, 3.0, 0.0)),), 3),  # spans at most 3.8
+        ((_drawn((0.0, 0.0, Center(2.0, 0.0, 1)), (4.0, 0.0, 0.0), (4.0, 3.0, 0.0)),), 0),
+        ((_drawn((0.0, 0.0, BendAngle(90.0, 1)), (4.0, 0.0, 0.0), (4.0, 3.0, 0.0)),), 0),
+        ((_drawn((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (4.0, 3.0, 0.0)),), 3),
+        ((DrawnPolygon(6.0, 2.0, 0.0, 0.0, 0.0),), 0),
+        ((DrawnPolygon(6.0, -2.0, 0.0, 0.0, 0.0),), 1),
+        ((_drawn((0.0, 0.0, 0.0), (4.0, 3.0, 0.0), (4.0, 0.0, 0.0), (0.0, 3.0, 0.0)),), 4),
+    ],
+)
+def test_what_cannot_be_drawn_has_corners_too_near(rings, pairs):
+    assert len(find_fault(rings, [number for ring in rings for number in numbers_of(ring)]).pairs) == pairs
+
+
+def test_a_circle_that_misses_a_line_has_a_fault():
+    def vertex(off):
+        return (DrawnVertex(0.0, off, 0.0, Reach(0, 1, 5.0, off)), DrawnVertex(0.0, 9.0, 0.0), DrawnVertex(-3.0, 0.0, 0.0))
+
+    for off, missing in ((4.9, False), (5.1, True)):
+        ring = vertex(off)
+        assert (find_fault((ring,), list(numbers_of(ring))) != NONE) == missing
+
+
+def test_curves_that_cross_are_told():
+    with pytest.raises(CrossingError) as caught:
+        check_crossings(Outline((circle(2.0), circle(2.0, 3.0))))
+    assert caught.value.curves == ((0, 0), (1, 0))
