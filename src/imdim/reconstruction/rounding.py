@@ -271,7 +271,7 @@ class _SolidJudge:
         few say so, as both solids have them."""
         if volume_difference(self.plain, trial) < SURELY * self.most_lost:
             return True
-        solid = to_manifold(self.frame.apply(trial))
+        solid = self._solid(trial)
         changed = 1 - volume_iou(self.solid, solid)
         if changed >= SLACK * self.most:
             return False
@@ -279,10 +279,13 @@ class _SolidJudge:
             return True
         return self.iou - volume_iou(solid, self.target) < SLACK * self.most_lost
 
+    def _solid(self, program: Program) -> Manifold:
+        return to_manifold(self.frame.apply(program))
+
     @cached_property
     def solid(self) -> Manifold:
         """That of `plain`, in the frame of the target's."""
-        return to_manifold(self.frame.apply(self.plain))
+        return self._solid(self.plain)
 
     @cached_property
     def iou(self) -> float:
