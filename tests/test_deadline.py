@@ -21,3 +21,9 @@ def test_a_busy_machine_ends_it_all_the_same():
     until = Deadline.of_process(0.1)
     time.sleep(0.1 * deadline.BUSY + 0.05)
     assert until.has_passed()
+
+
+def test_of_two_deadlines():
+    soon, late = Deadline(1.0), Deadline(2.0)
+    assert soon.later(late) == late.later(soon) == late
+    assert soon.earlier(late) == late.earlier(soon) == soon

@@ -40,5 +40,9 @@ class Deadline:
         """The earlier one of two by the same clock."""
         return other if other.at < self.at else self
 
+    def later(self, other: Deadline) -> Deadline:
+        """The later one of two by the same clock."""
+        return other if other.at > self.at else self
+
 
 NEVER = Deadline(math.inf)

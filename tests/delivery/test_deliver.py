@@ -71,6 +71,23 @@ def test_late_results_are_the_program_as_it_was_found(target, tmp_path):
     assert report["found"]["iou_with_delivered"] == pytest.approx(1, abs=1e-6)
 
 
+def test_a_program_that_cannot_be_named_in_time_is_the_one_that_was_found(target, tmp_path, delivered):
+    report = deliver(PROGRAM, target, tmp_path / "nameless", RUN, step_limit_s=0.1, name_by=PASSED)
+    assert loads((tmp_path / "nameless" / "program.json").read_text()) == round_program(PROGRAM)
+    assert report["parameters"] == {}
+    assert delivered[1]["parameters"]
+    assert report["left_out"] == ["sizes have no names: no time was left for those of 7 primitives"]
+    assert report["scores"]["volume_iou"] == pytest.approx(delivered[1]["scores"]["volume_iou"], abs=1e-6)
+
+
+def test_a_late_picture_is_a_coarser_one(target, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(module, "preview", lambda *given: asked.append(given[-1]) or Image.new("RGB", (1, 1)))
+    deliver(PROGRAM, target, tmp_path / "late", RUN, step_limit_s=0.1, draw_by=PASSED)
+    deliver(PROGRAM, target, tmp_path / "in time", RUN, step_limit_s=0.1)
+    assert asked == [1, 2]
+
+
 def test_a_program_of_thousands_is_finished_as_it_was_found():
     """What looks at pairs of 2,048 boxes took ten minutes of it and more."""
     corners = itertools.product(range(16), range(16), range(8))

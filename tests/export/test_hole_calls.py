@@ -5,9 +5,12 @@ import re
 import subprocess
 
 import pytest
+from tests.deadlines import PASSED
 from tests.export.test_outlines import interpreter
 
+from imdim.deadline import NEVER
 from imdim.delivery.finish import FinishedProgram, finish
+from imdim.export import hole_calls
 from imdim.export.script import to_script
 from imdim.geometry.solid import to_manifold
 from imdim.program.tree import Combine, Primitive, Program, combine_all
@@ -124,3 +127,11 @@ def test_other_cylinders_stay_what_they_are(program):
 def test_a_hole_under_a_bridge_is_one(tmp_path):
     """Else the case above would say nothing of bridges."""
     assert to_manifold(drilled(BORE, body=BRIDGE)).genus() > to_manifold(BRIDGE).genus()
+
+
+@pytest.mark.parametrize(("deadline", "asked"), [(NEVER, [2, 1, 1]), (PASSED, [2])], ids=["never", "passed"])
+def test_past_the_deadline_holes_are_not_asked_one_by_one(monkeypatch, deadline, asked):
+    found, numbers = finished(drilled(*(Primitive("cylinder", (r, 10.0), (8 * r - 20, 0.0, 0.0)) for r in (2.0, 3.0)))), []
+    monkeypatch.setattr(hole_calls, "_keeps", lambda _, some, __: numbers.append(len(some)))
+    assert "Hole(" not in to_script(found.program, found.parameters, found.folded, deadline=deadline).partition("part =")[2]
+    assert numbers == asked

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from imdim.export.preview import GAP, HEADER, PANEL, VIEW, preview, side_by_side, thumbnail
+from imdim.export.preview import GAP, HEADER, PANEL, SUPERSAMPLE, VIEW, preview, side_by_side, thumbnail
 from imdim.export.verdict_colours import ColouredTarget
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine, Primitive
@@ -16,8 +16,8 @@ def mesh(program) -> trimesh.Trimesh:
     return to_trimesh(to_manifold(program))
 
 
-def panels(target: Target, result, worst: float) -> list[np.ndarray]:
-    pixels = np.asarray(preview(target, mesh(result), worst), np.int64)
+def panels(target: Target, result, worst: float, supersample: int = SUPERSAMPLE) -> list[np.ndarray]:
+    pixels = np.asarray(preview(target, mesh(result), worst, supersample=supersample), np.int64)
     lefts = (10 + number * (PANEL + 20) for number in range(3))
     return [pixels[HEADER : HEADER + PANEL, left : left + PANEL] for left in lefts]
 
@@ -30,14 +30,15 @@ def inked(panel: np.ndarray) -> int:
     return int((panel.min(axis=2) < 250).sum())
 
 
-def test_the_silhouette_has_the_area_of_the_projected_box():
+@pytest.mark.parametrize("supersample", [1, SUPERSAMPLE])
+def test_the_silhouette_has_the_area_of_the_projected_box(supersample):
     view = VIEW / np.linalg.norm(VIEW)
     area = abs(view) @ [2 * 1, 3 * 1, 3 * 2]
     right = np.cross([0, 0, 1], view) / np.linalg.norm(np.cross([0, 0, 1], view))
     wide = abs(right) @ [3, 2, 1]
     tall = abs(np.cross(view, right)) @ [3, 2, 1]
     exact = area * (0.92 * PANEL / max(wide, tall)) ** 2
-    for panel in panels(target_from(mesh(BLOCK)), BLOCK, 0.0):
+    for panel in panels(target_from(mesh(BLOCK)), BLOCK, 0.0, supersample):
         assert inked(panel) == pytest.approx(exact, rel=0.02)
 
 

@@ -25,6 +25,7 @@ def test_a_stage_ends_by_its_share_of_the_whole():
     budget = Budget(100.0, hands)
     end = budget.end_of("search")
     assert end.left() == 50.0
+    assert budget.end.left() == 100.0
     hands.at = 57.0
     assert not end.has_passed()
     hands.at = 57.1

@@ -11,6 +11,7 @@ from imdim.program.cost import CURVE, count
 from imdim.program.outline import Outline
 from imdim.program.tree import Primitive
 from imdim.reconstruction import methods
+from imdim.reconstruction import proof as module
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.methods import MethodStep, Run
@@ -96,3 +97,10 @@ def test_nothing_is_proved_of_primitives_that_are_too_many_to_be_taken(monkeypat
     step = methods._search_primitives(run, MethodStep("search", drawn), MethodStep("search", drawn))
     assert step is not None
     assert (step.program, step.proof) == (found, proof)
+
+
+def test_where_time_is_out_no_candidates_are_listed(proofs, monkeypatch):
+    monkeypatch.setattr(module, "Prover", None)
+    late = Proofs(proofs.seen, Budget(0.0))
+    assert str(late.of(PLATE)[1]) == "not proved: time ran out"
+    assert late.beside_repeats(union(PLATE, *PINS)) is None

@@ -205,6 +205,13 @@ def test_the_limits_hold():
     assert depth(grow(points, labels, carriers(program), config=DecisionTreeConfig(max_depth=3))) <= 3
 
 
+def test_past_the_deadline_no_cell_is_split():
+    program, _ = PLANTED["plate with four holes"]
+    points, labels, _, _ = plant(program, 4000, 0)
+    assert isinstance(grow(points, labels, carriers(program)), Split)
+    assert isinstance(grow(points, labels, carriers(program), deadline=PASSED), Leaf)
+
+
 def test_endings():
     assert to_program(Leaf(False, 0, 1), np.zeros(3), np.ones(3)) is None
     assert to_program(Leaf(True, 1, 0), np.zeros(3), np.ones(3)) == box((1.0, 1.0, 1.0), (0.5, 0.5, 0.5))

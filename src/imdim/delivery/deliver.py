@@ -32,7 +32,7 @@ from imdim.export.folder import DIGESTS, EDIT_PICTURE, FILES, OutputError, check
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import round_program
 from imdim.export.parameters import parametrise
-from imdim.export.preview import preview
+from imdim.export.preview import SUPERSAMPLE, preview
 from imdim.export.step_worker import StepWorker, exporting, finish_or_skip_step
 from imdim.geometry.census import census_of
 from imdim.geometry.edge_solids import solid_with_edges
@@ -65,12 +65,15 @@ def deliver(
     edges: Sequence[EdgeFeature] = (),
     named: Delivered | None = None,
     step_worker: StepWorker | None = None,
+    name_by: Deadline = NEVER,
+    draw_by: Deadline = NEVER,
 ) -> dict[str, Any]:
     """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
 
     `constraints` hold for `program` (see `relations.discover`). `front` holds programs from crude to exact, `program` among them; without
-    it `front.json` holds the program alone. Past `finish_by` (by default never) the program is finished no further (`finish`).
-    `edges` are edge features of `program`. A program that is `named` already is written with its own texts, and finished no further.
+    it `front.json` holds the program alone. Past `finish_by` (by default never) the program is finished no further (`finish`). One that
+    cannot be named by `name_by` is delivered as it was found, and a picture that is drawn past `draw_by` is a coarser one. `edges` are edge
+    features of `program`. A program that is `named` already is written with its own texts, and finished no further.
 
     STEP is written by the `step_worker`, if there is one, and skipped, and the report says why, where OpenCASCADE is missing, fails or
     takes longer than `step_limit_s`.
@@ -79,7 +82,7 @@ def deliver(
     seconds: dict[str, float] = {}
     with replacing(folder) as partial:
         with _time(seconds, "program"):
-            given, found = program, finish(program, constraints, finish_by, edges) if named is None else _keep(named)
+            given, found = program, finish(program, constraints, finish_by, edges, name_by) if named is None else _keep(named)
             program = found.program
             meta = frame_meta(target)
             sharp = to_manifold(program, segments)
@@ -103,7 +106,8 @@ def deliver(
                 verdict = judge(target, surface, segments, program, run.noisy, run.noise)
                 coloured = verdict.colour(target)
             with _time(seconds, "preview"):
-                preview(target, surface, scores.to_result.max, coloured).save(partial / "preview.png")
+                supersample = 1 if draw_by.has_passed() else SUPERSAMPLE
+                preview(target, surface, scores.to_result.max, coloured, supersample).save(partial / "preview.png")
             with _time(seconds, "page"):
                 document, furthest = _read(partial / "program.json"), scores.to_result.max
                 shown = html.content(document, target, found.parameters, segments, furthest, verdict=coloured)
@@ -112,7 +116,7 @@ def deliver(
                 skipped = finish_or_skip_step(job, step_limit_s, volumes)
         skipped |= unwritten(program)
         if found.folded is None:
-            skipped["program.loops.scad"] = "skipped: no part repeats"
+            skipped["program.loops.scad"] = "skipped: no time was left" if found.hurried else "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES if name != EDIT_PICTURE}
         film = find_film(surface, target, scores.to_target.max)
         faults = [*_parted(solid, target), *([] if film is None else [str(film)])]

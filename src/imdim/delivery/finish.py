@@ -35,12 +35,13 @@ from imdim.relations.residuals import holding, rebase_constraints
 NEAR = 2e-4  # of the part's size, by which what nearly repeats may move
 GATHERED = (1, 6)  # primitives of a part that may move to where it repeats, at most
 MOST_GATHERED = 150  # primitives of a program
+NAMED_S = 0.08  # that the names of a program take for each of its primitives
 
 
 @dataclass(frozen=True)
 class FinishedProgram:
     """`folded`, which `program` is the expansion of, has the repeats, None if there are none. `constraints` hold for `program`, and `edges`
-    are of its faces. `order` has for each leaf its number in the program that was finished."""
+    are of its faces. `order` has for each leaf its number in the program that was finished. `hurried`: no time was left for names."""
 
     program: Program
     constraints: tuple[Constraint, ...]
@@ -48,6 +49,7 @@ class FinishedProgram:
     folded: Folded | None
     edges: tuple[EdgeFeature, ...] = ()
     order: tuple[int, ...] = ()
+    hurried: bool = False
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -61,17 +63,24 @@ class FinishedProgram:
 
 
 def finish(
-    program: Program, constraints: Sequence[Constraint] = (), deadline: Deadline = NEVER, edges: Sequence[EdgeFeature] = ()
+    program: Program,
+    constraints: Sequence[Constraint] = (),
+    deadline: Deadline = NEVER,
+    edges: Sequence[EdgeFeature] = (),
+    name_by: Deadline = NEVER,
 ) -> FinishedProgram:
     """The program as it is delivered; `constraints` and `edges` are of the one given, and relations by chance, or that no names can keep,
     are left out.
 
     Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
     Past the `deadline` (by default never) no parts are gathered, and the other cutters end where they end. A program of more than
-    MOST_NAMED primitives, copies counted, is delivered as it was found: a kilobyte of repeats may unfold to thousands.
+    MOST_NAMED primitives, copies counted, is delivered as it was found: a kilobyte of repeats may unfold to thousands. So is one whose
+    names would take longer than until `name_by` (by default never), its repeats too.
     """
+    if NAMED_S * count(program).primitives > name_by.left():
+        return replace(_leave_as_found(program, None, edges), hurried=True)
     if count(program).primitives > MOST_NAMED:
-        return _leave_as_found(program, edges)
+        return _leave_as_found(program, fold_repeats(program), edges)
     program = centre_turned(program)
     constraints = without_chance(program, holding(program, constraints))
     folding = next((f for f in _foldings(program, deadline) if is_same(program, f.program)), None)
@@ -95,15 +104,14 @@ def finish(
     return FinishedProgram(delivered, _rename(delivered, constraints, named), named, folded, order=folding.order).with_edges(edges)
 
 
-def _leave_as_found(program: Program, edges: Sequence[EdgeFeature]) -> FinishedProgram:
+def _leave_as_found(program: Program, folding: Folding | None, edges: Sequence[EdgeFeature]) -> FinishedProgram:
     """A program with its exact repeats written once and its numbers rounded, with names for counts alone."""
-    folding = fold_repeats(program)
     if folding is None or not is_same(program, folding.program):
         rounded, order = round_program(program), tuple(range(count(program).primitives))
-        return FinishedProgram(rounded, (), parametrise(program, (), rounded), None, order=order).with_edges(edges)
+        return FinishedProgram(rounded, (), Parameters.none(rounded), None, order=order).with_edges(edges)
     folded = with_leaves(folding.folded, round_program(folding.program))
     delivered, place = expand(folded), {old: new for new, old in enumerate(folding.order)}
-    named = parametrise(folding.program, (), delivered, folded)
+    named = Parameters.none(delivered, folded)
     return FinishedProgram(delivered, (), named, folded, order=folding.order).with_edges(renumber_edges(edges, place))
 
 

@@ -28,7 +28,7 @@ from imdim.program.edges import EdgeFeature, describe_edges
 from imdim.program.hole_groups import HoleGroup
 from imdim.program.metric import screw_of
 from imdim.program.repeats import Folded, Repeat, repeats, size
-from imdim.program.tree import Program, leaves, longest
+from imdim.program.tree import leaves, longest
 from imdim.target.target import Target
 
 FORMAT, VERSION = "imdim-report", 1
@@ -91,7 +91,7 @@ def report_of(
         "holes": [_group(group) for group in hole_groups(program)],
         "edges": [_edge_feature(feature) for feature in delivered.edges],
         "edges_drawn": drawn if delivered.edges else None,
-        "left_out": [*left_out, *_left_out(program)],
+        "left_out": [*left_out, *_left_out(delivered)],
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in named.values.items()},
         **({"inches": fractions} if (fractions := inch_fractions(named)) else {}),
@@ -128,13 +128,15 @@ def _repeats(folded: Folded, label: Sequence[str]) -> list[dict[str, Any]]:
     ]
 
 
-def _left_out(program: Program) -> Iterator[str]:
+def _left_out(delivered: FinishedProgram) -> Iterator[str]:
     """What a program is too long for, a sentence each."""
-    walls, primitives = count_walls(program), count(program).primitives
+    walls, primitives = count_walls(delivered.program), count(delivered.program).primitives
     if walls > MOST_WALLS:
         yield f"holes were not looked for: {walls} round walls, more than {MOST_WALLS}"
     if primitives > MOST_NAMED:
         yield f"sizes have no names: {primitives} primitives, more than {MOST_NAMED}"
+    elif delivered.hurried:
+        yield f"sizes have no names: no time was left for those of {primitives} primitives"
 
 
 def _edge_feature(feature: EdgeFeature) -> dict[str, Any]:

@@ -111,7 +111,8 @@ def texts_of(
     """The texts by their names in TEXTS; with loops where `folded`, which `program` is the expansion of, has repeats.
 
     Those that `unwritten` names are left out. program.scad draws `edges` unless told otherwise, if they `matter`; past the `deadline` (by
-    default never), or after DRAWING_S, their numbers follow no more names.
+    default never), or after DRAWING_S, their numbers follow no more names. Past
+    it holes of program.py are calls only where all may be.
     """
     sharp = to_openscad(program, segments, named)
 
@@ -121,7 +122,7 @@ def texts_of(
     drawn = draw_edges(edges, named.values, read, matter, deadline.earlier(deadline.ahead(DRAWING_S))) if edges else None
     texts = {
         "program.scad": sharp if drawn is None else to_openscad(program, segments, named, drawn),
-        "program.py": to_script(program, named, folded, edges),
+        "program.py": to_script(program, named, folded, edges, deadline),
         "program.cq.py": to_cadquery(program, named, folded, edges),
         "program.FCMacro": to_freecad(program, named, edges),
     }

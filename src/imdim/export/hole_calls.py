@@ -14,6 +14,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.export.numbers import Expression, Rounding, simple_fraction, weighted_sum, write_expression
 from imdim.export.parameters import Parameters
 from imdim.geometry.finish.section import CHECK_SEGMENTS
@@ -58,13 +59,14 @@ class HoleCalls:
     dropped: frozenset[int] = frozenset()
 
     @staticmethod
-    def of(program: Program, folded: Folded, named: Parameters, rounding: Rounding) -> HoleCalls:
-        """Those holes of a program, the expansion of `folded`, that one call each can make without another solid."""
+    def of(program: Program, folded: Folded, named: Parameters, rounding: Rounding, deadline: Deadline = NEVER) -> HoleCalls:
+        """Those holes of a program, the expansion of `folded`, that one call each can make without another solid; all or none of them
+        past the `deadline` (by default never)."""
         copies = instances(folded)
         found = [h for h in _candidates(program, folded, named, rounding) if all(copies[leaf][0] == leaf for leaf in h.leaves)]
         if found and not _keeps(program, found, copies):
-            found = [h for h in found if _keeps(program, [h], copies)]
-            found = found if _keeps(program, found, copies) else []
+            found = [h for h in found if not deadline.has_passed() and _keeps(program, [h], copies)]
+            found = found if found and _keeps(program, found, copies) else []
         dropped = frozenset(leaf for h in found for leaf in h.leaves[1:])
         return HoleCalls({h.leaves[0]: h.call for h in found}, dropped)
 

@@ -64,11 +64,13 @@ class Shot:
     place: Callable[[np.ndarray], np.ndarray]
 
 
-def preview(target: Target, result: trimesh.Trimesh, worst: float, verdict: ColouredTarget | None = None) -> Image.Image:
+def preview(
+    target: Target, result: trimesh.Trimesh, worst: float, verdict: ColouredTarget | None = None, supersample: int = SUPERSAMPLE
+) -> Image.Image:
     """Three panels, 1500 x 590 pixels, or four, 2000 wide, with a `verdict`; `worst` is the largest distance from the target to the result,
-    in model units."""
+    in model units. Each pixel is the mean of `supersample` squared finer ones."""
     bodies = [target.points if target.mesh is None else target.mesh.vertices, result.vertices]
-    camera = _camera(np.concatenate([np.asarray(b, np.float64) for b in bodies]))
+    camera = _camera(np.concatenate([np.asarray(b, np.float64) for b in bodies]), PANEL * supersample)
     tree = triangle_tree(result)
     diagonal = float(np.linalg.norm(np.ptp(bodies[0], axis=0)))
     top = max(worst, SMALLEST_RANGE * diagonal)
@@ -109,7 +111,7 @@ def view_axes() -> np.ndarray:
     return np.stack([right, np.cross(toward, right), toward])
 
 
-def _camera(points: np.ndarray, pixels: int = PANEL * SUPERSAMPLE) -> Camera:
+def _camera(points: np.ndarray, pixels: int) -> Camera:
     axes = view_axes()
     flat = points @ axes.T
     low, high = flat.min(axis=0), flat.max(axis=0)
@@ -220,7 +222,7 @@ def _paint(shot: Shot, colours: np.ndarray, side: int = PANEL) -> Image.Image:
 
 def _heat(shot: Shot, tree: TriangleTree, top: float) -> np.ndarray:
     """Colours [k, 3] of the seen pixels. Distances change slowly: the finer pixels that make one of the picture share one."""
-    side, finer = shot.seen.shape[0] // SUPERSAMPLE, SUPERSAMPLE
+    side, finer = PANEL, shot.seen.shape[0] // PANEL
     number = np.full(shot.seen.shape, len(shot.owners))
     number[shot.seen] = np.arange(len(shot.owners))
     first = number.reshape(side, finer, side, finer).min(axis=(1, 3))

@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
+from imdim.deadline import NEVER, Deadline
 from imdim.export.blend_texts import BlendTexts
 from imdim.export.chains import Chains
 from imdim.export.hole_calls import HoleCalls
@@ -231,16 +232,21 @@ if __name__ == "__main__":
 
 
 def to_script(
-    program: Program, parameters: Parameters | None = None, folded: Folded | None = None, edges: Sequence[EdgeFeature] = ()
+    program: Program,
+    parameters: Parameters | None = None,
+    folded: Folded | None = None,
+    edges: Sequence[EdgeFeature] = (),
+    deadline: Deadline = NEVER,
 ) -> str:
     """Python text that builds `program` as `part` with build123d, in the program's own units (build123d takes them for mm).
 
     Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops. Then its `edges` are blended.
+    Past the `deadline` (by default never) holes are calls only where all may be.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
     writer = _Script(rounding, named)
     groups = group_up(program) if folded is None else folded
-    writer.holes = HoleCalls.of(program, groups, named, rounding)
+    writer.holes = HoleCalls.of(program, groups, named, rounding, deadline)
     lines = writer.flat(program) if folded is None and not writer.holes.calls else writer.lines(groups)
     blends = BlendTexts.of(program, edges, named, rounding)
     body = [*blends.add_sizes(named.head(rounding.size)), *helpers(program, _HELPERS), *blends.helpers(_BLENDS), *writer.parts]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any, cast
 
 from imdim.program import fields
@@ -213,10 +214,14 @@ def _read_outline(value: object, path: str) -> Outline:
     read = tuple(_read_loop(loop, f"{path}[{i}]") for i, loop in enumerate(loops))
     try:
         outline = Outline(read)
-        check_crossings(outline)
+        _check_once(outline)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return outline
+
+
+# delivery reads one document eight times, and half of each of a long outline is this
+_check_once = lru_cache(256)(check_crossings)
 
 
 def _read_loop(value: object, path: str) -> Loop:

@@ -68,6 +68,11 @@ class Budget:
         """Since the start."""
         return self.now() - self.start
 
+    @property
+    def end(self) -> Deadline:
+        """When all of it is spent."""
+        return Deadline(self.start + self.whole_s, self.now)
+
     def end_of(self, stage: Stage) -> Deadline:
         """When the stage ends at the latest."""
         return Deadline(self.start + SHARES[stage].by * self.whole_s, self.now)

@@ -14,13 +14,15 @@ from imdim.numbers.refine import RefineConfig, refine
 from imdim.program.tree import Program
 from imdim.search.candidate_families import Families
 from imdim.search.cells import VolumeSamples
-from imdim.search.decision_tree import grow
+from imdim.search.decision_tree import DecisionTreeConfig, grow
 from imdim.search.front.face_support import Carriers
 from imdim.search.front.fitness import FitnessConfig, SampledTarget, Scorer
 from imdim.search.tree_to_csg import to_program as tree_to_program
 
 SAMPLES = 65_536
 SURFACE = 2_048  # points that scores and the solver see
+SIDE_S = 5e-8  # that a tree takes for each cell and surface
+GROWTH, LEAST_S = 0.5, 0.1  # of the time left, for a tree to grow before it is written, and the least that it gets
 SAMPLES_SEED, SURFACE_SEED = 0, 1  # which of them are looked at is no matter of chance from run to run
 
 
@@ -51,9 +53,12 @@ class ScoringSamples:
         """The program with its numbers fitted to the surface, by a few steps."""
         return refine(program, self.scorer.target.surface, config=RefineConfig(newton_steps=15, start_scale=0.01)).program
 
-    def tree(self, deadline: Deadline = NEVER) -> Program | None:
-        """The decision tree's program, made shorter while there is time (by default any)."""
+    def tree(self, deadline: Deadline = NEVER, config: DecisionTreeConfig | None = None) -> Program | None:
+        """The decision tree's program, made shorter while there is time (by default any); where that is short, some cells stand for all."""
         cells = self.families.cells
-        tree = grow(cells.points, cells.w_in > cells.w_out, self.surfaces, cells.w_in + cells.w_out)
+        most = max(GROWTH * deadline.left(), LEAST_S) / (SIDE_S * max(len(self.surfaces), 1))
+        if most < len(cells.points):
+            cells = cells.choose(np.random.default_rng(SAMPLES_SEED).permutation(len(cells.points))[: int(most)])
+        tree = grow(cells.points, cells.w_in > cells.w_out, self.surfaces, cells.w_in + cells.w_out, config, deadline)
         low, high = self.families.arrangement.bounds
         return tree_to_program(tree, low, high, deadline)

@@ -43,6 +43,7 @@ from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import DEARER, Proofs
 from imdim.reconstruction.toothed_rims import draw_teeth
 from imdim.search.counterexamples import Sharpener, transfer
+from imdim.search.decision_tree import DecisionTreeConfig
 from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.lns import LocalConfig
 from imdim.search.mdl.primitive_selection import Cloud
@@ -61,8 +62,10 @@ CUT = "budget_spent"  # how a method ended that time has cut short
 TOUCHED = 1e-2  # of the volume; a search that leaves more is followed by a short evolution, which mends little that is smaller
 LONG = 40  # primitives; so is one whose program is this long, which evolution shortens
 POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
-# a tree has hundreds of primitives: so many are named, written and drawn in the time that is kept for any program, each more takes so long
-WRITTEN, WRITTEN_S = 25, 0.02
+# a tree has hundreds of primitives: so many are written and drawn in the time that is kept for any program, each more takes so long
+WRITTEN, WRITTEN_S = 25, 0.05
+LEAST_GROWTH = 0.1  # of the budget, that a tree may take however late it is
+WRITABLE = 0.8  # cells, of which a tree grows for each primitive that there is time to write: some are two
 TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 BEYOND_DOUBT = 0.9  # times the bits, that a description has at most that is chosen: prices are counted in a few hundred designs
@@ -493,16 +496,17 @@ def _grow_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
     seen = run.seen
     if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if best.stop == CUT else POOR) + seen.faceting):
         return best
-    deadline = run.part_of("fit")
-    if best is not None and deadline.has_passed():  # to write out a tree takes longer yet than to grow one
-        return best.cut_if(True)
-    program = run.seen.evidence.tree(deadline)
+    # where the search had no time the tree is all that is left, and a small one is grown in a moment
+    deadline = run.part_of("fit").later(run.budget.within(LEAST_GROWTH * run.budget.whole_s))
+    config = DecisionTreeConfig()
+    cells = WRITABLE * (WRITTEN + (run.budget.end.at - deadline.at) / WRITTEN_S)
+    program = run.seen.evidence.tree(deadline, replace(config, max_leaves=int(np.clip(cells, 2, config.max_leaves))))
     if best is None:
         return None if program is None else MethodStep("tree", program).cut_if(deadline.has_passed())
+    if program is not None and WRITTEN_S * (count(program).primitives - WRITTEN) > run.budget.end.left():
+        return best.cut_if(True)
     if program is None or seen.price(program) >= seen.price(best.program):
         return best.cut_if(deadline.has_passed())
-    if WRITTEN_S * (count(program).primitives - WRITTEN) > run.budget.whole_s - run.budget.seconds():
-        return best.cut_if(True)
     return replace(best, stage="tree", program=program).cut_if(deadline.has_passed())
 
 

@@ -16,7 +16,7 @@ from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.observation import Observation
 from imdim.search.candidate_families import Families
-from imdim.search.exact.prove import TOO_HARD, Proof, Prover
+from imdim.search.exact.prove import OUT_OF_TIME, TOO_HARD, Proof, Prover
 
 PROOF_S = 10.0  # for all proofs about a body, at most
 EASY, FALL = 16, 8  # primitives, up to which all of that is given, and the power that less is given with beyond: few proofs end there
@@ -62,6 +62,8 @@ class Proofs:
         start, primitives = self.budget.seconds(), count(program).primitives
         most_s = share * (PROOF_S * min(1.0, EASY / primitives) ** FALL - self.spent_s)
         deadline = self.budget.within(most_s).earlier(self.budget.part_of("prove", self.share))
+        if not self.spent_s and deadline.has_passed():  # to list the candidates alone takes most of a second
+            return program, Proof(False, primitives, 0, OUT_OF_TIME)
         error = self.seen.error(program) * self.seen.cells.volume
         proof = self._prover.prove(primitives, error, deadline)
         self.spent_s += self.budget.seconds() - start
@@ -69,7 +71,10 @@ class Proofs:
 
     def beside_repeats(self, program: Program) -> str | None:
         """Whether beside the features that repeat, each a single one with its counts, no fewer primitives do: over the cells that none of
-        the copies holds. None where nothing repeats, where nothing of the body is beside the copies, and where each copy counts."""
+        the copies holds. None where nothing repeats, where nothing of the body is beside the copies, where each copy counts, and where time
+        is out."""
+        if self.budget.end_of("prove").has_passed():
+            return None
         given, others = _part_repeats(program)
         if not given or not self.seen.copies_once:
             return None

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.surface import Surface, signed_distance
 
 
@@ -51,16 +52,19 @@ def grow(
     surfaces: Sequence[Surface],
     weights: np.ndarray | None = None,
     config: DecisionTreeConfig | None = None,
+    deadline: Deadline = NEVER,
 ) -> Tree:
     """The tree of sample `points` [n, 3] with labels `inside` [n] and `weights` [n], the volumes they stand for (equal if None).
 
     Always the split with the largest gain in weighted Gini impurity comes next, over all cells, so that `max_leaves` keeps
-    the best ones; ties go to the earlier cell and surface. Raises ValueError where there are no points or the lengths differ.
+    the best ones; ties go to the earlier cell and surface. Past the `deadline` (by default never) no cell is split any more. Raises
+    ValueError where there are no points or the lengths differ.
     """
     weights = np.ones(len(points)) if weights is None else np.asarray(weights, float)
     if not 0 < len(points) == len(inside) == len(weights):
         raise ValueError(f"a decision tree needs as many points as labels and weights, got {len(points)}, {len(inside)}, {len(weights)}")
-    return _Growth(np.asarray(points, float), np.asarray(inside, bool), weights, list(surfaces), config or DecisionTreeConfig()).run()
+    growth = _Growth(np.asarray(points, float), np.asarray(inside, bool), weights, list(surfaces), config or DecisionTreeConfig())
+    return growth.run(deadline)
 
 
 @dataclass
@@ -81,14 +85,15 @@ class _Growth:
         self._total = float(weights.sum())
         columns = [signed_distance(s, points) < 0 for s in surfaces]
         self._behind = np.array(columns, bool).reshape(len(surfaces), len(points))
+        self._scratch = np.empty(self._behind.size)  # of large parts, fresh memory for each cell takes longer than its sums
         self._heap: list[tuple[float, int, _Cell, int]] = []
         self._number = itertools.count()
 
-    def run(self) -> Tree:
+    def run(self, deadline: Deadline) -> Tree:
         root = _Cell(np.arange(len(self._mass)), 0)
         self._offer(root)
         cells = 1
-        while self._heap and cells < self._config.max_leaves:
+        while self._heap and cells < self._config.max_leaves and not deadline.has_passed():
             _, _, cell, rule = heapq.heappop(self._heap)
             side = self._behind[rule, cell.rows]
             cell.rule = rule
@@ -104,7 +109,9 @@ class _Growth:
             return
         mass = self._mass[cell.rows]
         all_mass = mass.sum(0)
-        behind = self._behind[:, cell.rows] @ mass  # [s, 2]
+        chosen = self._scratch[: len(self._surfaces) * len(cell.rows)].reshape(len(self._surfaces), len(cell.rows))
+        chosen[:] = self._behind[:, cell.rows]
+        behind = chosen @ mass  # [s, 2]
         ahead = all_mass - behind
         gain = _gini(all_mass) - _gini(behind) - _gini(ahead)
         gain[np.minimum(behind.sum(1), ahead.sum(1)) < self._config.min_leaf_weight * self._total] = -np.inf

@@ -24,7 +24,7 @@ from imdim.search.exact.separation_pairs import CellLabels, counterexamples, lea
 
 EQUAL = 1e-3  # of a primitive's price
 OFF = 1.0  # primitives' prices, by which an answer may be dearer over all cells than over the pairs for it to be joined
-TOO_HARD = "time of the solver ran out"
+TOO_HARD, OUT_OF_TIME = "time of the solver ran out", "time ran out"
 FINE = 0.25  # of a primitive's price; what less error is worth, once no fewer primitives can do
 
 
@@ -157,7 +157,7 @@ class Prover:
         if not len(self.inside):
             return "", chosen  # one label for all cells: nothing to tell apart
         if deadline.has_passed():
-            return "time ran out", chosen
+            return OUT_OF_TIME, chosen
         try:
             columns = maximal_columns(self.families, self.inside, self.outside)
             if len(columns.candidates) > config.most_columns:
@@ -178,7 +178,7 @@ class Prover:
         if found.chosen is not None:
             return None, [columns.candidates[i] for i in found.chosen]
         if not found.known:
-            return "time ran out" if deadline.has_passed() else TOO_HARD, chosen
+            return OUT_OF_TIME if deadline.has_passed() else TOO_HARD, chosen
         return _describe_unjoined(barred) if barred else "", chosen
 
     def _list_barred(self, best: _Best) -> list[list[Candidate]]:
