@@ -111,8 +111,7 @@ def texts_of(
     """The texts by their names in TEXTS; with loops where `folded`, which `program` is the expansion of, has repeats.
 
     Those that `unwritten` names are left out. program.scad draws `edges` unless told otherwise, if they `matter`; past the `deadline` (by
-    default never), or after DRAWING_S, their numbers follow no more names. Past
-    it holes of program.py are calls only where all may be.
+    default never), or after DRAWING_S, their numbers follow no more names. Past it, holes of program.py are calls only where all may be.
     """
     sharp = to_openscad(program, segments, named)
 
