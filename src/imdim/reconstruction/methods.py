@@ -499,8 +499,8 @@ def _grow_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
     # where the search had no time the tree is all that is left, and a small one is grown in a moment
     deadline = run.part_of("fit").later(run.budget.within(LEAST_GROWTH * run.budget.whole_s))
     config = DecisionTreeConfig()
-    cells = WRITABLE * (WRITTEN + (run.budget.end.at - deadline.at) / WRITTEN_S)
-    program = run.seen.evidence.tree(deadline, replace(config, max_leaves=int(np.clip(cells, 2, config.max_leaves))))
+    cells = WRITABLE * (WRITTEN + max(run.budget.end.at - deadline.at, 0.0) / WRITTEN_S)
+    program = run.seen.evidence.tree(deadline, replace(config, max_leaves=int(min(cells, config.max_leaves))))
     if best is None:
         return None if program is None else MethodStep("tree", program).cut_if(deadline.has_passed())
     if program is not None and WRITTEN_S * (count(program).primitives - WRITTEN) > run.budget.end.left():
