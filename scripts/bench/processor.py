@@ -31,12 +31,14 @@ def children_s() -> float:
 
 def rule_the_clock() -> None:
     """Let budgets and stages in this process count what it has of the processor, so that a busy machine changes nothing; on one core, since
-    nobody counts what a copy of it has on another.
+    nobody counts what a copy of it has on another, and threads of exact booleans that wait for each other on two count as if they worked.
 
     To be called before anything of `imdim` is imported: a default argument keeps the clock that it found.
     """
     time.perf_counter = time.process_time
     os.environ["OMP_NUM_THREADS"] = "1"
+    cores = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {cores[os.getpid() % len(cores)]})
 
 
 if __name__ == "__main__":
