@@ -308,7 +308,7 @@ class KernelSet(NamedTuple):
     left_to_one: float
 
 
-MESHES = KernelSet("run", _first_run_mark, _reconstruct_small_part, compile_second_half, 30, 16, 240, 0.55)
+MESHES = KernelSet("run", _first_run_mark, _reconstruct_small_part, compile_second_half, 60, 40, 290, 0.55)
 CLOUDS = KernelSet("cloud", _first_cloud_mark, _reconstruct_small_cloud, compile_second_half_of_clouds, 20, 12, 130, 0.6)
 
 
