@@ -16,6 +16,10 @@ def test_where_time_is_short_some_cells_stand_for_all(monkeypatch):
     cells, grown, grow = seen.cells, [], module.grow
     monkeypatch.setattr(module, "grow", lambda points, *given: grown.append(points) or grow(points, *given))
     monkeypatch.setattr(module, "SIDE_S", 1.0 / (len(cells.points) * len(seen.evidence.surfaces)))  # a second for all cells
-    programs = [seen.evidence.tree(deadline) for deadline in (NEVER, Deadline(1.0, lambda: 0.0))]
-    assert [len(points) for points in grown] == [len(cells.points), pytest.approx(len(cells.points) / 2, abs=1)]
+    in_a_second = Deadline(1.0, lambda: 0.0)
+    programs = [
+        seen.evidence.tree(deadline, of_some=of_some) for deadline, of_some in ((NEVER, True), (in_a_second, True), (in_a_second, False))
+    ]
+    assert [len(points) for points in grown] == [len(cells.points), pytest.approx(len(cells.points) / 2, abs=1), len(cells.points)]
+    assert [seen.evidence.has_time_for_all_cells(deadline) for deadline in (NEVER, in_a_second)] == [True, False]
     assert all(program is not None and seen.error(program) < 0.2 for program in programs)

@@ -272,8 +272,10 @@ def test_without_time_the_likeliest_is_told_as_it_is():
 @pytest.mark.parametrize("noisy", [True, False])
 def test_a_noisy_clouds_time_is_not_spent_on_the_decision_tree(noisy):
     asked = []  # and gives nothing
-    seen = SimpleNamespace(noisy=noisy, error=lambda _: 1.0, faceting=0.0, evidence=SimpleNamespace(tree=lambda *_: asked.append(seen)))
-    run = SimpleNamespace(seen=seen, part_of=lambda _: NEVER, budget=Budget(60.0))
+    evidence = SimpleNamespace(tree=lambda *_, **__: asked.append(seen), has_time_for_all_cells=lambda _: True)
+    seen = SimpleNamespace(noisy=noisy, error=lambda _: 1.0, faceting=0.0, evidence=evidence)
+    budget = Budget(60.0)
+    run = SimpleNamespace(seen=seen, part_of=budget.end_of, budget=budget)
     found = methods.MethodStep("search", Primitive("sphere", (1.0,)))
     assert methods._grow_if_poor(run, found) == found
     assert asked == ([] if noisy else [seen])
@@ -295,22 +297,33 @@ def test_what_is_drawn_is_not_evolved(drawn, monkeypatch):
     assert asked == ([] if drawn else [1])
 
 
-@pytest.mark.parametrize(("left", "long", "taken"), [(NEVER, 3, True), (PASSED, 3, True), (NEVER, 200, False)])
-def test_a_tree_is_taken_where_time_is_left_to_write_it_down(left, long, taken):
-    """However late it is, since as many primitives as it may have then are written in a moment."""
+@pytest.mark.parametrize(
+    ("budget_s", "late", "of_all", "long", "taken", "stop"),
+    [
+        (60.0, False, True, 3, True, "finished"),
+        (60.0, False, False, 3, True, methods.CUT),
+        (60.0, True, True, 3, True, methods.CUT),
+        (20.0, False, True, 3, True, methods.CUT),
+        (1.0, False, True, 200, False, methods.CUT),
+    ],
+    ids=["in time", "of some cells", "late", "as large as there is time for", "too long"],
+)
+def test_a_tree_is_taken_where_time_is_left_to_write_it_down(budget_s, late, of_all, long, taken, stop):
+    """However late it is, since what it may have then is written in a moment; what time made smaller is said to be cut."""
     asked = []
     tree = combine_all("union", [box(1, 1, 1, (2.0 * i, 0.0, 0.0)) for i in range(long)])
     found = methods.MethodStep("search", box(9, 9, 9))
     price = {tree: 1.0, found.program: 2.0}
 
-    def grow(_, config):
+    def grow(_, config, of_some):
         asked.append(config.max_leaves)
         return tree
 
-    seen = SimpleNamespace(noisy=False, error=lambda _: 1.0, faceting=0.0, evidence=SimpleNamespace(tree=grow), price=price.get)
-    run = SimpleNamespace(seen=seen, part_of=lambda _: left, budget=Budget(1.0))
+    evidence, budget = SimpleNamespace(tree=grow, has_time_for_all_cells=lambda _: of_all), Budget(budget_s)
+    seen = SimpleNamespace(noisy=False, error=lambda _: 1.0, faceting=0.0, evidence=evidence, price=price.get)
+    run = SimpleNamespace(seen=seen, part_of=lambda stage: PASSED if late else budget.end_of(stage), budget=budget)
     step = methods._grow_if_poor(run, found)
-    assert (step.program is tree, step.stop) == (taken, "finished" if taken else methods.CUT)
+    assert (step.program is tree, step.stop) == (taken, stop)
     assert asked[0] >= methods.WRITABLE * methods.WRITTEN  # a box takes seven
 
 

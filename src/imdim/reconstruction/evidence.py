@@ -53,12 +53,20 @@ class ScoringSamples:
         """The program with its numbers fitted to the surface, by a few steps."""
         return refine(program, self.scorer.target.surface, config=RefineConfig(newton_steps=15, start_scale=0.01)).program
 
-    def tree(self, deadline: Deadline = NEVER, config: DecisionTreeConfig | None = None) -> Program | None:
-        """The decision tree's program, made shorter while there is time (by default any); where that is short, some cells stand for all."""
+    def tree(self, deadline: Deadline = NEVER, config: DecisionTreeConfig | None = None, of_some: bool = False) -> Program | None:
+        """The decision tree's program, made shorter while there is time (by default any); where there is none for all cells, some stand for
+        them if it may be `of_some`."""
         cells = self.families.cells
-        most = max(GROWTH * deadline.left(), LEAST_S) / (SIDE_S * max(len(self.surfaces), 1))
-        if most < len(cells.points):
-            cells = cells.choose(np.random.default_rng(SAMPLES_SEED).permutation(len(cells.points))[: int(most)])
+        if of_some and (most := self._count_in_time(deadline)) < len(cells.points):
+            cells = cells.choose(np.random.default_rng(SAMPLES_SEED).permutation(len(cells.points))[:most])
         tree = grow(cells.points, cells.w_in > cells.w_out, self.surfaces, cells.w_in + cells.w_out, config, deadline)
         low, high = self.families.arrangement.bounds
         return tree_to_program(tree, low, high, deadline)
+
+    def has_time_for_all_cells(self, deadline: Deadline) -> bool:
+        """Whether a tree can grow over all of them in the time that is left."""
+        return self._count_in_time(deadline) >= len(self.families.cells.points)
+
+    def _count_in_time(self, deadline: Deadline) -> int:
+        cells = max(GROWTH * deadline.left(), LEAST_S) / (SIDE_S * max(len(self.surfaces), 1))
+        return int(min(cells, len(self.families.cells.points)))

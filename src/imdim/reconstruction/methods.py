@@ -497,17 +497,19 @@ def _grow_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
     if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if best.stop == CUT else POOR) + seen.faceting):
         return best
     # where the search had no time the tree is all that is left, and a small one is grown in a moment
-    deadline = run.part_of("fit").later(run.budget.within(LEAST_GROWTH * run.budget.whole_s))
-    config = DecisionTreeConfig()
-    cells = WRITABLE * (WRITTEN + max(run.budget.end.at - deadline.at, 0.0) / WRITTEN_S)
-    program = run.seen.evidence.tree(deadline, replace(config, max_leaves=int(min(cells, config.max_leaves))))
+    fit_by, config = run.part_of("fit"), DecisionTreeConfig()
+    deadline = fit_by.later(run.budget.within(LEAST_GROWTH * run.budget.whole_s))
+    most = WRITABLE * (WRITTEN + max(run.budget.end.at - deadline.at, 0.0) / WRITTEN_S)
+    program = seen.evidence.tree(deadline, replace(config, max_leaves=int(min(most, config.max_leaves))), of_some=True)
+    # what time made smaller is another program at another hour
+    cut = fit_by.has_passed() or most < config.max_leaves or not seen.evidence.has_time_for_all_cells(deadline)
     if best is None:
-        return None if program is None else MethodStep("tree", program).cut_if(deadline.has_passed())
+        return None if program is None else MethodStep("tree", program).cut_if(cut)
     if program is not None and WRITTEN_S * (count(program).primitives - WRITTEN) > run.budget.end.left():
         return best.cut_if(True)
     if program is None or seen.price(program) >= seen.price(best.program):
-        return best.cut_if(deadline.has_passed())
-    return replace(best, stage="tree", program=program).cut_if(deadline.has_passed())
+        return best.cut_if(cut)
+    return replace(best, stage="tree", program=program).cut_if(cut)
 
 
 def _propose_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:

@@ -22,7 +22,7 @@ from imdim.program.roles import signs
 from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest, replace_leaves
 
 NOTHING = 1e-6  # of IoU, which rounding errors of the booleans may cost
-FALLS = 4  # times the target: what it and a program that is worth a look hold together at most
+MOST_HELD = 4  # targets, that one and a program which is worth a look hold together
 
 
 def stand_on_faces(program: Program, target: Manifold, deadline: Deadline = NEVER) -> Program:
@@ -50,7 +50,7 @@ def _is_as_near(trial: Program, i: int, program: Program, target: Manifold) -> b
     if needed <= NOTHING * whole:
         return True
     # what both share falls by what was needed, what either holds by the rest: the ratio, at most one, falls where the first is more
-    if needed - (lost.volume() - needed) > FALLS * NOTHING * whole:
+    if needed - (lost.volume() - needed) > MOST_HELD * NOTHING * whole:
         return False
     return volume_iou(to_manifold(trial, CHECK_SEGMENTS), target) >= volume_iou(to_manifold(program, CHECK_SEGMENTS), target) - NOTHING
 
