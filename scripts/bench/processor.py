@@ -42,7 +42,8 @@ def rule_the_clock() -> None:
     """
     time.perf_counter = time.process_time
     os.environ["OMP_NUM_THREADS"] = "1"
-    os.sched_setaffinity(0, {int(_fields("self")[36])})  # where the system has put it, which is not where it has put others
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {int(_fields("self")[36])})  # where the system has put it, which is not where it has put others
 
 
 if __name__ == "__main__":
