@@ -157,6 +157,7 @@ def test_the_second_process_is_started_where_the_module_is_the_command_too(monke
             pass
 
     monkeypatch.setattr(subprocess, "Popen", Started)
+    monkeypatch.delitem(sys.modules, "imdim.delivery.first_run", raising=False)  # of another test in this process
     command = runpy.run_module("imdim.delivery.first_run", run_name="command")
     with command["_helper"](command["MESHES"], False):
         pass
