@@ -34,11 +34,16 @@ def count_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def has_second_core() -> bool:
+    """Whether there is one for what this process computes, and nobody wants it left alone."""
+    return count_cores() > 1 and os.environ.get(CORES) != "1" and not _ALONE.get()
+
+
 def can_fork() -> bool:
     """Whether there is a core for a copy of this process, and nothing in it that a copy breaks: threads of torch's do not survive in one,
     and what another thread holds stays held."""
-    has_core = sys.platform == "linux" and count_cores() > 1 and os.environ.get(CORES) != "1" and not _ALONE.get()
-    return has_core and "torch" not in sys.modules and threading.current_thread() is threading.main_thread()
+    is_safe = "torch" not in sys.modules and threading.current_thread() is threading.main_thread()
+    return sys.platform == "linux" and is_safe and has_second_core()
 
 
 @contextmanager

@@ -26,6 +26,7 @@ PART = Combine("difference", Primitive("box", (4.0, 2.0, 1.0)), Primitive("cylin
 
 SMALL_DISK = """
 import resource, signal, sys
+sys.dont_write_bytecode = True  # Python leaves modules that were cut short there, which no later process can load
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (400, 400))
 from imdim.app.cli import main

@@ -10,9 +10,9 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import reduce
+from html import escape
 from pathlib import Path
 from typing import NamedTuple
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 import trimesh
@@ -157,7 +157,7 @@ def _volume(body: trimesh.Trimesh) -> float:
 def _object(number: int, mesh: trimesh.Trimesh, name: str) -> str:
     vertices = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>\n' for x, y, z in mesh.vertices.tolist())
     triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>\n' for a, b, c in mesh.faces.tolist())
-    return f"""<object id="{number}" type="model" name={quoteattr(name)}><mesh>
+    return f"""<object id="{number}" type="model" name="{escape(name)}"><mesh>
 <vertices>
 {vertices}</vertices>
 <triangles>

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from imdim.shares import by_shares
+
 ENTRIES = 24  # columns a triangle may lie in, on average
 COLUMNS = 4.0  # for each triangle, where they are small
 MOST_COLUMNS = 2**20
@@ -36,7 +38,8 @@ class RayColumns:
     def count_above(self, queries: np.ndarray) -> np.ndarray:
         """How many triangles rays from `queries` [m, 3] cross along the direction, int [m]."""
         unit = (np.asarray(queries, float).reshape(-1, 3) - self.center) * self.scale
-        return _count_above(self.corners, self.side, self.starts, self.members, np.ascontiguousarray(unit @ self.frame.T))
+        across = np.ascontiguousarray(unit @ self.frame.T)
+        return by_shares(lambda share: _count_above(self.corners, self.side, self.starts, self.members, share), across)
 
 
 def sort_columns(triangles: np.ndarray, direction: np.ndarray) -> RayColumns:

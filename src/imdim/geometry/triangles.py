@@ -13,6 +13,8 @@ import numpy as np
 import trimesh
 from numba import njit
 
+from imdim.shares import by_shares
+
 LEAF = 4
 AT_MOST = 1 + 1e-9  # of a bound, so that rounding excludes nothing
 
@@ -44,7 +46,7 @@ def distances(tree: TriangleTree, points: np.ndarray) -> np.ndarray:
     # what is near one point is near the next one in this order, and bounds the search for its nearest triangle
     order = np.argsort(morton(_unit(points))) if len(points) else np.arange(0)
     out = np.empty(len(points))
-    out[order] = _distances(tree.corners, tree.starts, tree.low, tree.high, points[order])
+    out[order] = by_shares(lambda share: _distances(tree.corners, tree.starts, tree.low, tree.high, share), points[order])
     return out
 
 

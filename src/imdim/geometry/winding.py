@@ -18,6 +18,7 @@ from numba import njit
 
 from imdim.geometry.crossings import sort_columns
 from imdim.geometry.triangles import sort_leaves, sum_up
+from imdim.shares import by_shares
 
 LEAF_SIZE = 6
 FAR = 3.0  # a group is far at this many radii; at 2, as in the paper, a flat group of large faces is 8 % off
@@ -71,7 +72,7 @@ def winding_number(source: trimesh.Trimesh | np.ndarray | WindingTree, queries: 
     """The winding number [m] of a mesh, of triangles [k, 3, 3] or of a tree at `queries` [m, 3]."""
     tree = source if isinstance(source, WindingTree) else triangle_tree(source)
     unit = (np.asarray(queries, float).reshape(-1, 3) - tree.center) * tree.scale
-    return _winding(tree.corners, tree.moments, tree.starts, np.ascontiguousarray(unit))
+    return by_shares(lambda share: _winding(tree.corners, tree.moments, tree.starts, share), np.ascontiguousarray(unit))
 
 
 class Interior:

@@ -49,7 +49,6 @@ from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_c
 from imdim.reconstruction.edge_features import SetAside, describe_kept, find_edge_features, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_measured
 from imdim.reconstruction.hole_ends import complete_holes
-from imdim.reconstruction.mdl import most_likely, reconstruct_scan, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, find_solid, observe
 from imdim.reconstruction.own_frame import find_own_frame, is_placed, turn_back
@@ -501,6 +500,8 @@ def _solid_in(seen: Observation, frame: Frame) -> Manifold | None:
 
 def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: _Work, share: float) -> _BodyState | None:
     """The program of a scanned body, judged by the points of its surface; its error is the volume in which it differs from the solid."""
+    from imdim.reconstruction.mdl import reconstruct_scan  # of clouds and scans: most meshes need not wait for it
+
     # few numbers are left to be fitted, and rounding is quick: the search may take longer than a cloud's
     times = work.budget.part_of("likely", share), work.budget.part_of("fit", share)
     likely = reconstruct_scan(observed, work.rng, *times, work.settings.language == "cad")
@@ -537,6 +538,8 @@ def _solve(
     relations that its points support."""
     if not seen.noisy:
         return replace(step, stage="solve", program=fit_numbers(step.program, seen, fit_by)), None
+    from imdim.reconstruction.mdl import most_likely
+
     drawn = settings.language == "cad"
     # torch takes seconds to load
     asked = has_time_for_beam(choose_by)
@@ -558,6 +561,8 @@ def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> tuple[Method
     mesh, for which the policy need not be loaded."""
     if body.target.mesh is not None or not (cut or work.guesses):
         return None
+    from imdim.reconstruction.mdl import reconstruct_unlabelled
+
     asked = work.guesses and (work.settings.method == "policy" or time_to_propose(work.budget))
     likely = reconstruct_unlabelled(
         body, work.policy() if asked else None, *_times(work.budget, share), calm=cut, drawn=work.settings.language == "cad"

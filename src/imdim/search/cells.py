@@ -6,7 +6,7 @@ error of a program is exact for the samples, also where no carrier separates wha
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import islice
 
@@ -15,6 +15,7 @@ import numpy as np
 from imdim.geometry.rotations import frame_from_axis
 from imdim.search.arrangement import Arrangement, codes
 from imdim.search.kernels import add_axial_density, add_box_density, group_rows, mark_inside_cylinder, merge_rows
+from imdim.shares import by_shares
 
 # Weights of (excess, lack). Cheap excess proposes hulls to cut from, dear lack pure cuts, dear excess pure pieces.
 Weights = tuple[float, float]
@@ -142,11 +143,17 @@ def importance_samples(arrangement: Arrangement, count: int, rng: np.random.Gene
     every = np.concatenate(points)
     every = every[((every >= far_low) & (every <= far_high)).all(1)]
     near = ((every >= low) & (every <= high)).all(1)
-    density = np.zeros(len(every))
-    for part in parts:
-        part.add_density(density, every)
+    density = by_shares(lambda points: _add_up(parts, points), every)
     uniform = np.where(near, 2 * share / np.prod(high - low), 0.0) + share / np.prod(far_high - far_low)
     return every, 1 / (uniform + share * density)
+
+
+def _add_up(parts: Iterable[_BoxDensity | _AxialDensity], points: np.ndarray) -> np.ndarray:
+    """The sum of the densities at points [n, 3]."""
+    density = np.zeros(len(points))
+    for part in parts:
+        part.add_density(density, points)
+    return density
 
 
 @dataclass(frozen=True)
