@@ -118,8 +118,8 @@ def test_a_3mf_has_an_object_for_each_body_with_its_name(tmp_path):
     write_meshes(to_manifold(apart), tmp_path, NamedFeatures.of('a "b" <c>', apart))
     with zipfile.ZipFile(tmp_path / "mesh.3mf") as package:
         text = package.read("3D/3dmodel.model").decode()
-    called = re.findall(r"<object id=\"(\d)\" type=\"model\" name='(.*?)'>", text)
-    assert called == [("1", 'a "b" &lt;c&gt;'), ("2", 'a "b" &lt;c&gt; (2)')]
+    called = re.findall(r"<object id=\"(\d)\" type=\"model\" name=\"(.*?)\">", text)
+    assert called == [("1", "a &quot;b&quot; &lt;c&gt;"), ("2", "a &quot;b&quot; &lt;c&gt; (2)")]
     assert '<metadata name="Title">a "b" &lt;c&gt;</metadata>' in text
     assert len(re.findall("<item objectid", text)) == 2
     bodies = trimesh.load_scene(tmp_path / "mesh.3mf").dump()
@@ -137,3 +137,11 @@ def test_owners_of_faces_take_no_memory_for_each_pair():
     tracemalloc.stop()
     assert most < 300 * len(mesh.faces) * 8 / 3
     assert (owners == np.round(mesh.triangles_center[:, 0] / 2)).all()
+
+
+def test_a_face_that_lies_on_no_feature_is_of_the_nearest_one():
+    """As where rounding moved a blend: the middle is farther from all features than any that they made."""
+    row = union(box(1, 1, 1), box(1, 1, 1, (10.0, 0.0, 0.0)))
+    off = trimesh.creation.box((0.1, 0.1, 0.1))
+    off.apply_translation((6.0, 0.0, 0.0))
+    assert (assign_faces(off, row, ()) == 1).all()

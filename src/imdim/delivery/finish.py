@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from imdim.deadline import NEVER, Deadline
 from imdim.export.chance import without_chance, without_hidden
 from imdim.export.edge_text import with_edge_sizes
-from imdim.export.elimination import MOST_NAMED, without_loose
+from imdim.export.elimination import without_loose
 from imdim.export.feature_names import label_features
+from imdim.export.feature_roles import MOST_NAMED
 from imdim.export.followed_ends import find_followed_ends
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise

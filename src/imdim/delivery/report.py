@@ -19,7 +19,7 @@ from imdim.delivery.finish import FinishedProgram
 from imdim.delivery.intervals import StatedInterval
 from imdim.delivery.verdict import JudgedRegion, SurfaceVerdict, describe_shares
 from imdim.detection.noise import MeasuredNoise
-from imdim.export.elimination import MOST_NAMED
+from imdim.export.feature_roles import MOST_NAMED
 from imdim.export.hole_names import hole_groups
 from imdim.export.inches import inch_fractions
 from imdim.geometry.holes import MOST_WALLS, count_walls

@@ -21,6 +21,7 @@ from imdim.export.contacts import find_contacts, find_own_numbers
 from imdim.export.corner_contacts import find_corner_contacts
 from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
+from imdim.export.feature_roles import MOST_NAMED
 from imdim.export.outline_joints import sum_rows
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.outline_walls import EXACT
@@ -42,7 +43,6 @@ from imdim.program.tree import KINDS, Primitive, Program, leaves, longest
 from imdim.relations.residuals import rows_of
 
 HALVES = 1e-6  # by which a coefficient may miss a half that it stands for: the digits of files
-MOST_NAMED = 1000  # primitives, copies counted, of a program with names: equations are dense, and so many take 0.4 GB
 MOST_PLACED = 300  # primitives of a program whose places have names too; nobody reads a thousand of them
 SLOPE = 1e-6  # of a constraint's own slopes, that it may have with respect to a name
 PATTERNS = ("linear", "circular")

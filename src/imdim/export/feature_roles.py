@@ -23,6 +23,7 @@ from imdim.program.repeats import Folded, instances
 from imdim.program.roles import FLAT, signs
 from imdim.program.tree import Primitive, Program, leaves, longest
 
+MOST_NAMED = 1000  # primitives, copies counted, of a program with names: equations are dense, and so many take 0.4 GB
 BRACED = 0.5  # of its longest edge: a thicker wall is no rib, and one that is not held on two sides has to be a plate's share of the next
 ROUND_ENDS = 1.2  # times as long as wide, with round ends: a slot; with others it has to be as narrow as a plate is thin
 LARGE = 1 / 3  # of a boss's diameter: a smaller hole is no bore
@@ -50,8 +51,11 @@ def size_words(program: Program) -> dict[tuple[int, int], str]:
 
 @lru_cache(maxsize=16)
 def find_roles(program: Program) -> Mapping[int, Role]:
-    """The ribs, slots and bores of a program by their leaves."""
+    """The ribs, slots and bores of a program by their leaves; none of one that is too long for names, in which to look for them takes the
+    square of its length."""
     parts, sign, solid = list(leaves(program)), signs(program), lower(program)
+    if len(parts) > MOST_NAMED:
+        return {}
     return {leaf: role for leaf, role in _by_surroundings(parts, sign, solid) if role} | _bores(program, parts, sign, solid)
 
 

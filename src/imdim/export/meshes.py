@@ -8,8 +8,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from functools import reduce
+from collections.abc import Callable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import NamedTuple
@@ -17,20 +16,24 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 from manifold3d import Manifold
+from scipy.spatial import KDTree
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from imdim.export.part_names import ADDED, NAMELESS, Colour, PartNames
+from imdim.geometry.census import split_surfaces
 from imdim.geometry.edge_solids import with_edges
 from imdim.geometry.kernels import program_sdf
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.solid import to_trimesh
 from imdim.program.edges import EdgeFeature
-from imdim.program.tree import Program, leaves
+from imdim.program.rewrite.containment import bounding_radius
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.program.units import UNSPECIFIED
 
 # STL and GLB hold single precision: what collapses there is removed before, while the solid stays closed
 SINGLE_PRECISION = 1e-6
+BESIDE = 1e-2  # of the diagonal: no middle of a face lies so far from the feature that made it
 SAME = 1e-7  # of the diagonal, by which surfaces that coincide may differ
 
 
@@ -55,9 +58,7 @@ def write_meshes(solid: Manifold, folder: Path, named: NamedFeatures | None = No
         raise ValueError("an empty solid has no mesh to write")
     clean = solid.simplify(SINGLE_PRECISION * diagonal(mesh.vertices))
     mesh, name = to_trimesh(clean), NAMELESS if named is None else named.names.part
-    # each body keeps a table of all that the solid was made of, unless it is an original
-    bodies = [to_trimesh(body) for body in clean.as_original().decompose()]
-    data = {"stl": stl_bytes(mesh), "glb": glb_bytes(mesh, named), "3mf": threemf_bytes(bodies, name, units)}
+    data = {"stl": stl_bytes(mesh), "glb": glb_bytes(mesh, named), "3mf": threemf_bytes(split_surfaces(mesh), name, units)}
     for suffix, content in data.items():
         (folder / f"mesh.{suffix}").write_bytes(content)
 
@@ -100,13 +101,27 @@ def _pieces(mesh: trimesh.Trimesh, named: NamedFeatures | None) -> Iterator[tupl
 
 def assign_faces(mesh: trimesh.Trimesh, program: Program, edges: Sequence[EdgeFeature]) -> np.ndarray:
     """The leaf that made each face [f] of a solid, the first that its middle lies nearest to; of blends it is the number of leaves."""
-    parts = list(leaves(with_edges(program, edges)))
-    middles = np.asarray(mesh.triangles_center)
-    # twice, rather than to keep them all: thousands of features have as many distances from ten times as many faces
-    least = reduce(np.minimum, (np.abs(program_sdf(part, middles)) for part in parts))
-    near, first = least + SAME * diagonal(mesh.vertices), np.full(len(middles), len(parts))
-    for i, part in enumerate(parts):
-        first[(first > i) & (np.abs(program_sdf(part, middles)) <= near)] = i
+    parts, middles, size = list(leaves(with_edges(program, edges))), np.asarray(mesh.triangles_center), diagonal(mesh.vertices)
+    tree, first = KDTree(middles), np.full(len(middles), len(parts))
+
+    def give(faces: np.ndarray, beside: Callable[[Primitive], np.ndarray]) -> np.ndarray:
+        """The least distances of `faces`, with their owners set, of those features alone that each is `beside`, as numbers among them."""
+        least = np.full(len(faces), np.inf)
+        # twice, rather than to keep them all: thousands of features have as many distances from ten times as many faces
+        for part in parts:
+            near = beside(part)
+            least[near] = np.minimum(least[near], np.abs(program_sdf(part, middles[faces[near]])))
+        for i in reversed(range(len(parts))):
+            near = beside(parts[i])
+            first[faces[near[np.abs(program_sdf(parts[i], middles[faces[near]])) <= least[near] + SAME * size]]] = i
+        return least
+
+    # a feature made no face that is far from the ball around it, as thousands of faces are from most of thousands of features
+    reach = BESIDE * size
+    least = give(np.arange(len(middles)), lambda p: np.array(tree.query_ball_point(p.center, bounding_radius(p) + reach), np.int64))
+    lost = np.flatnonzero(least + SAME * size > reach)
+    if len(lost):  # which rounding moved off all features: that nearest to it may be any
+        give(lost, lambda _: np.arange(len(lost)))
     return np.minimum(first, sum(1 for _ in leaves(program)))
 
 
@@ -140,7 +155,7 @@ def _model(bodies: Sequence[trimesh.Trimesh], name: str, units: str) -> str:
     items = "".join(f'<item objectid="{i}"/>' for i in range(1, len(ranked) + 1))
     unit = "millimeter" if units == UNSPECIFIED else units
     return f"""{_XML}<model unit="{unit}" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
-<metadata name="Title">{escape(name)}</metadata>
+<metadata name="Title">{escape(name, quote=False)}</metadata>
 <metadata name="Application">IMDIM</metadata>
 <resources>{objects}</resources>
 <build>{items}</build>

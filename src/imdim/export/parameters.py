@@ -14,10 +14,10 @@ from fractions import Fraction
 from imdim.deadline import NEVER, Deadline
 from imdim.export.collisions import solve_apart
 from imdim.export.drawn_vertex import BendRadius, DrawnEllipse, DrawnRing, DrawnVertex, map_ring, numbers_of
-from imdim.export.elimination import MOST_NAMED, LinearSystem, vector
+from imdim.export.elimination import LinearSystem, vector
 from imdim.export.feature_names import label_features
 from imdim.export.feature_notes import Notes, feature_notes
-from imdim.export.feature_roles import size_words
+from imdim.export.feature_roles import MOST_NAMED, size_words
 from imdim.export.hole_names import BoreWords
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
