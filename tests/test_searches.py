@@ -17,7 +17,7 @@ ROW = cut(box(40, 20, 6), *(cylinder(3, 6, (x, 0.0, 0.0)) for x in (-12.0, 0.0, 
 def target(noise: float | None) -> Target:
     if noise is None:
         return target_from(mesh_of(ROW))
-    points, _ = trimesh.sample.sample_surface(mesh_of(ROW), 700, seed=0)
+    points, _ = trimesh.sample.sample_surface(mesh_of(ROW), 400, seed=0)
     return target_from(points + noise * float(np.linalg.norm(np.ptp(points, axis=0))) * np.random.default_rng(0).normal(size=points.shape))
 
 

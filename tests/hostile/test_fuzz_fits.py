@@ -46,12 +46,12 @@ def warned(case):
 
 
 def test_a_case_is_a_function_of_seed_and_number():
-    cases = [[fuzz.drawn(3, i, 5.0) for _ in range(2)] for i in range(12)]
+    cases = [[fuzz.drawn(3, i, 5.0) for _ in range(2)] for i in range(2, 12)]  # the first two are planted for seconds
     for a, b in cases:
         arrays = [case.given.triangles if isinstance(case.given, trimesh.Trimesh) else case.given for case in (a, b)]
         assert (a.told, a.settings) == (b.told, b.settings)
         assert np.array_equal(*arrays)
-    assert len({a.told for a, _ in cases}) == 12
+    assert len({a.told for a, _ in cases}) == 10
 
 
 @pytest.mark.parametrize(

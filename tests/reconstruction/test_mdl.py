@@ -49,7 +49,7 @@ def told(starts, points, *times, drawn=False, anew=True):
 @pytest.mark.parametrize(("name", "share"), [("L bracket", 0.006), ("plate with four holes", 0.003)])
 def test_a_planted_part_comes_back_from_noise_and_strays(name, share):
     truth = PARTS[name]
-    *_, last = reconstruct(target_from(cloud(truth, share, outliers=0.02)), Settings(checkpoint="none"), np.random.default_rng(0))
+    *_, last = reconstruct(target_from(cloud(truth, share, n=900, outliers=0.02)), Settings(checkpoint="none"), np.random.default_rng(0))
     assert volume_iou(to_manifold(last.program), to_manifold(truth)) >= 0.96
     assert count(last.program).primitives <= 1.5 * count(truth).primitives
     assert not last.proof
@@ -58,7 +58,7 @@ def test_a_planted_part_comes_back_from_noise_and_strays(name, share):
 def test_a_turned_part_in_noise_is_one_outline_unless_csg_is_asked_for():
     profile = Outline((((0, -20, 0), (18, -20, 0), (18, -5, 0), (7, 5, 0), (7, 20, 0), (0, 20, 0)),))
     truth = Primitive("revolve", (360.0,), (3.0, -2.0, 5.0), (90.0, 0.0, 0.0), profile)
-    seen, frame = seen_of(cloud(truth, 0.005, outliers=0.02))
+    seen, frame = seen_of(cloud(truth, 0.005, n=700, outliers=0.02))
     start = [Primitive("box", (0.1, 0.1, 0.1))]
     drawn, plain = (frame.undo(most_likely(start, seen, NEVER, drawn=allowed).program) for allowed in (True, False))
     assert [leaf.kind for leaf in leaves(drawn)] == ["revolve"]
