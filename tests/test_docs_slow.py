@@ -145,6 +145,7 @@ def ask(command, folder):
     finally:
         late.cancel()
         end(process)
+        process.stdout.close()
 
 
 def shown(address):
