@@ -10,6 +10,7 @@ import pytest
 
 import imdim
 from imdim import install
+from imdim.app.cli import main
 
 
 class Installed:
@@ -66,3 +67,15 @@ def test_the_interpreter_is_named_where_pip_is_another_ones(monkeypatch):
 def test_python_m_is_the_command():
     said = subprocess.run([sys.executable, "-m", "imdim", "--version"], capture_output=True, text=True, check=True).stdout
     assert said == f"imdim {imdim.__version__}\n"
+
+
+def test_a_command_of_a_source_tree_that_was_never_installed_has_no_version(monkeypatch, capsys):
+    """It ended in a traceback, whatever the command."""
+
+    def lack(name):
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "version", lack)
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert capsys.readouterr().out == "imdim unknown\n"

@@ -31,9 +31,12 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     """Import on first use, so that ``import imdim`` and ``imdim --help`` answer at once."""
     if name == "__version__":
-        from importlib.metadata import version
+        from importlib.metadata import PackageNotFoundError, version
 
-        return version("imdim")
+        try:
+            return version("imdim")
+        except PackageNotFoundError:  # a source tree that was never installed
+            return "unknown"
     if name not in _HOMES:
         raise AttributeError(f"module 'imdim' has no attribute {name!r}")
     from importlib import import_module

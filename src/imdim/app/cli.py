@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import NoReturn
 
+import imdim
 from imdim.app.orderly import run_in_order
 
 SETTINGS = "further settings; they and their defaults are listed below"
@@ -39,7 +39,7 @@ def run() -> NoReturn:
 
 def _run_command(argv: Sequence[str] | None) -> int:
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
-    parser.add_argument("--version", action="version", version=f"imdim {version('imdim')}")
+    parser.add_argument("--version", action="version", version=f"imdim {imdim.__version__}")
     about = "fit: reconstruct one part; batch: every part of a folder; export: write one program of a front.json; "
     about += "edit: change named numbers of a program; lab: watch, correct and download in a browser page; "
     about += "mcp: serve language-model agents"

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TextIO, get_type_hints
 
@@ -26,6 +25,7 @@ from mcp.server.stdio import stdio_server
 from mcp.shared.message import SessionMessage
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, create_model
 
+import imdim
 from imdim.app.agent.session import REFUSED, AgentSession
 from imdim.app.agent.workplace import Workplace
 from imdim.reconstruction.config import first_line, one_line
@@ -76,7 +76,7 @@ class AgentServer:
     def __init__(self, session: AgentSession) -> None:
         self._session, self._busy = session, threading.Lock()
         self._tools: Mapping[str, AgentTool] = {name: AgentTool.of(name) for name in TOOLS}
-        self.server: Server[Any, Any] = Server("imdim", version("imdim"), ABOUT)
+        self.server: Server[Any, Any] = Server("imdim", imdim.__version__, ABOUT)
         self.server.list_tools()(self._list)
         self.server.call_tool(validate_input=False)(self._call)
 
