@@ -18,7 +18,7 @@ from imdim.reconstruction.observation import Observation
 from imdim.search.candidate_families import Families
 from imdim.search.exact.prove import OUT_OF_TIME, TOO_HARD, Proof, Prover
 
-PROOF_S = 10.0  # for all proofs about a body, at most
+PROOF_S = 8.0  # for all proofs about a body, at most: of the proofs that end few take longer
 EASY, FALL = 16, 8  # primitives, up to which all of that is given, and the power that less is given with beyond: few proofs end there
 EARLY_SHARE = 0.6  # of what is left of that, for one proof before the search has ended
 MOST_EARLY = 3  # proofs before the search has ended
