@@ -16,7 +16,7 @@ from imdim.export.meshes import NamedFeatures, assign_faces, write_meshes
 from imdim.export.part_names import ADDED, BLENDED, CUT
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.finish.overshoot import overshoot
-from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh
+from imdim.geometry.solid import join_touching, mesh_to_manifold, to_manifold, to_trimesh
 from imdim.target.target import load_target
 
 SUFFIXES = ("stl", "glb", "3mf")
@@ -34,6 +34,15 @@ def test_files_are_closed_and_hold_the_volume(name, tmp_path):
     for suffix in SUFFIXES:
         read = trimesh.load_mesh(tmp_path / f"mesh.{suffix}")
         assert mesh_to_manifold(read).volume() == pytest.approx(exact, rel=4e-3)
+
+
+def test_a_wall_that_begins_where_a_plate_ends_up_to_rounding_is_in_the_files(tmp_path):
+    plate, wall = box(30, 20.5, 30, center=(15, 14.45, 15)), box(30, 5.3, 30, center=(15, 27.35, 15))
+    stack = union(plate, wall, box(10, 6, 6, center=(15, 24, 17)))
+    write_meshes(to_manifold(stack), tmp_path)
+    assert trimesh.load_mesh(tmp_path / "mesh.stl").volume == pytest.approx(30 * 25.8 * 30, rel=1e-6)
+    write_meshes(join_touching(stack), tmp_path)
+    assert mesh_to_manifold(trimesh.load_mesh(tmp_path / "mesh.stl")).volume() == pytest.approx(30 * 25.8 * 30, rel=1e-6)
 
 
 def test_the_same_bytes_every_time(tmp_path):

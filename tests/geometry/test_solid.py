@@ -14,9 +14,10 @@ from imdim.geometry.solid import (
     to_trimesh,
     volume,
     volume_iou,
+    without_slivers,
 )
 from imdim.program.outline import Outline
-from imdim.program.tree import Combine, Primitive
+from imdim.program.tree import Combine, Primitive, combine_all
 
 ROUND = {
     "sphere": (Primitive("sphere", (0.7,)), 4 / 3 * math.pi * 0.343),
@@ -110,3 +111,28 @@ def test_what_touches_but_for_the_noise_of_floats_is_one_body(scale):
     tab = Primitive("extrude", (5 * scale,), (0.0, 4.4 * scale, 0.0), outline=Outline((drawn,)))
     assert len(join_touching(Combine("union", block, tab)).decompose()) == 1
     assert join_touching(tab).volume() == pytest.approx(45 * scale**3, rel=1e-12)
+
+
+# a plate, a wall that begins where it ends up to rounding, and a block through both
+STACK = combine_all(
+    "union",
+    [
+        Primitive("box", (30.0, 20.5, 30.0), (15.0, 14.45, 15.0)),
+        Primitive("box", (30.0, 5.3, 30.0), (15.0, 27.35, 15.0)),
+        Primitive("box", (10.0, 6.0, 6.0), (15.0, 24.0, 17.0)),
+    ],
+)
+
+
+def test_slivers_are_left_where_a_wall_would_go_with_them():
+    solid = to_manifold(STACK)
+    assert without_slivers(solid, 1e-6).volume() == pytest.approx(30 * 25.8 * 30)
+    assert solid.simplify(1e-6).volume() < 18_000  # else this is needed no more
+
+
+def test_edges_shorter_than_a_tolerance_go():
+    block = Primitive(
+        "extrude", (1.0,), outline=Outline((((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1e-7, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)),))
+    )
+    solid = to_manifold(block)
+    assert without_slivers(solid, 1e-6).num_tri() == 12 < solid.num_tri()

@@ -27,7 +27,7 @@ from imdim.detection.noise import MeasuredNoise
 from imdim.export.edge_text import do_edges_matter
 from imdim.export.step_worker import finish_step, start_step, stop_step
 from imdim.geometry.edge_solids import solid_with_edges
-from imdim.geometry.solid import to_manifold, to_trimesh
+from imdim.geometry.solid import join_touching, to_manifold, to_trimesh
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature
@@ -141,7 +141,7 @@ class Reconstruction:
 
     @cached_property
     def _solid(self) -> Manifold:
-        return solid_with_edges(self._finished.program, self._finished.edges, self.settings.segments)
+        return solid_with_edges(self._finished.program, self._finished.edges, self.settings.segments, join_touching)
 
     @cached_property
     def _texts(self) -> dict[str, str]:

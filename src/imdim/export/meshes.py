@@ -25,7 +25,7 @@ from imdim.geometry.census import split_surfaces
 from imdim.geometry.edge_solids import with_edges
 from imdim.geometry.kernels import program_sdf
 from imdim.geometry.metrics import diagonal
-from imdim.geometry.solid import to_trimesh
+from imdim.geometry.solid import to_trimesh, without_slivers
 from imdim.program.edges import EdgeFeature
 from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.tree import Primitive, Program, leaves
@@ -56,7 +56,7 @@ def write_meshes(solid: Manifold, folder: Path, named: NamedFeatures | None = No
     mesh = to_trimesh(solid)
     if not len(mesh.faces):
         raise ValueError("an empty solid has no mesh to write")
-    clean = solid.simplify(SINGLE_PRECISION * diagonal(mesh.vertices))
+    clean = without_slivers(solid, SINGLE_PRECISION * diagonal(mesh.vertices))
     mesh, name = to_trimesh(clean), NAMELESS if named is None else named.names.part
     data = {"stl": stl_bytes(mesh), "glb": glb_bytes(mesh, named), "3mf": threemf_bytes(split_surfaces(mesh), name, units)}
     for suffix, content in data.items():

@@ -18,7 +18,7 @@ from manifold3d import Manifold
 from imdim.geometry.blended_edge import BlendedEdge, Interval, Track, meet_faces
 from imdim.geometry.rotations import cross, euler_from_matrix
 from imdim.geometry.rows import lengths
-from imdim.geometry.solid import SEGMENTS, bounds_of, surface_with_owners, to_manifold
+from imdim.geometry.solid import SEGMENTS, bounds_of, surface_with_owners, to_manifold, without_slivers
 from imdim.geometry.surface import vec
 from imdim.program.edges import EdgeFeature, EdgeKind
 from imdim.program.outline import Outline, Vertex
@@ -101,7 +101,7 @@ def solid_with_edges(
     solid = build(with_edges(program, features), segments)
     low, high = bounds_of(solid)
     skin = max(SKIN * float(np.linalg.norm(high - low)), 10 * JOIN * max(max(f.sizes) for f in features))
-    return solid.as_original().simplify(skin)
+    return without_slivers(solid.as_original(), skin)
 
 
 def surface_with_edges(program: Program, features: Sequence[EdgeFeature], segments: int = SEGMENTS) -> tuple[trimesh.Trimesh, np.ndarray]:
