@@ -8,7 +8,7 @@ from tests.export.test_outlines import opened
 from imdim.export.drawable import NONE, find_fault
 from imdim.export.drawn_vertex import BendAngle, BendRadius, Center, DrawnPolygon, DrawnVertex, Reach, numbers_of
 from imdim.export.edit import change_values
-from imdim.program.outline import CrossingError, Outline, check_crossings, circle
+from imdim.program.outline import CrossingError, Outline, check_crossings, circle, rectangle
 from imdim.program.tree import Primitive
 
 WIDTH = 12.0
@@ -34,6 +34,34 @@ def test_teeth_between_arcs_have_radii_that_follow_each_other():
             assert isinstance(edited, Primitive)
             assert edited.outline is not None
             check_crossings(edited.outline)
+
+
+def test_a_corner_told_from_one_wall_keeps_off_the_wall_beside_it():
+    """A C whose upper arm ends half a millimetre below the level of its inside: at nine tenths of that level both ends met."""
+    outer, inner = ((-9.0, -8.0), (9.0, -8.0), (9.0, 8.0), (-9.0, 8.0)), ((-5.5, 4.5), (-5.5, 5.0), (4.0, 5.0), (4.0, -5.0), (-5.5, -5.0))
+    part = opened(Primitive("extrude", (5.0,), outline=Outline((tuple((x, y, 0.0) for x, y in (*outer, *inner)),))))
+    assert part.values["plate_step_y"] == pytest.approx(0.5)
+    assert "plate_width_2" not in part.values, "one of both widths follows the other"
+    for name, value in part.values.items():
+        for factor in (0.9, 1.1):
+            change_values(part, {name: factor * value})
+
+
+def test_the_tip_of_a_teardrop_stays_over_its_hole():
+    """Where the tip had a place of its own, each of them alone could be moved so far that no line from one touched the other."""
+    (x, y), radius, slope = (20.0, 4.0), 2.5, math.sqrt(0.5)
+    bend = math.tan(math.radians(270) / 4)
+    drop = ((x, y + radius / slope, 0.0), (x - radius * slope, y + radius * slope, bend), (x + radius * slope, y + radius * slope, 0.0))
+    part = opened(Primitive("extrude", (5.0,), outline=Outline((*rectangle(60.0, 30.0).loops, drop))))
+    assert part.values["plate_window_tip_y"] == pytest.approx(radius / slope)
+    for name, axis in (("plate_round_x", 0), ("plate_round_y", 1)):
+        edited = change_values(part, {name: part.values[name] + 3.0}).program
+        assert isinstance(edited, Primitive)
+        assert edited.outline is not None
+        loop = edited.outline.loops[1]
+        assert isinstance(loop, tuple)
+        moved = [now - then for now, then in zip(loop[0][:2], drop[0][:2], strict=True)]
+        assert moved == pytest.approx([3.0 * (k == axis) for k in range(2)], abs=1e-6)
 
 
 def _drawn(*corners):

@@ -15,7 +15,7 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.export.drawable import RADIUS_STEP, Drawings, Undrawn
-from imdim.export.followers import BETWEEN_AXES, FROM_EDGE, GAP, OFFSET, SHOULDER, WALL, rank_followers
+from imdim.export.followers import BETWEEN_AXES, FROM_EDGE, GAP, OFFSET, SHOULDER, WALL, may_give_way, rank_followers
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.reduction import Reduced
 from imdim.export.seen import find_unseen
@@ -33,6 +33,7 @@ UNNAMED = 1e-3  # of it: a gap that is no wider stays as it is, and has no name:
 TRIES = 120  # of equations
 DRAWN_TRIES = 40  # of equations for drawings,
 DISTANCES_TRIED = 6  # so many for each
+FOLLOWERS_TRIED = 3  # numbers that may follow from one equation
 DISTANCES = (GAP, FROM_EDGE, BETWEEN_AXES, OFFSET)
 MOST_WORK = 20_000_000  # tries times spans times variables, which take some seconds
 MOST_SPANS = 3000  # of a program: their pairs are looked at,
@@ -76,17 +77,19 @@ def _keep_drawn(system: LinearSystem, program: Program, found: _Spans, state: _S
         tried.add(spoiled[:2])
         for row, value, word, is_radial in drawings.list_distances(spoiled, state.solved)[:DISTANCES_TRIED]:
             known, place = len(system.start), _Place(spoiled.leaf, spoiled.leaf, spoiled.variable, is_radial)
-            after = _solve_with(system, program, found, state, _Distance(row, value, word), place)
-            left = undrawn if after is None or state.is_safer(after) else drawings.find_undrawn(after.solved, after.unseen)
-            if after is not None and _count_names(left) < _count_names(undrawn):
-                state, undrawn = after, left
+            trials = _list_solutions(system, program, found, state, _Distance(row, value, word), place)
+            drawn = ((t, drawings.find_undrawn(t.solved, t.unseen)) for t in trials if not state.is_safer(t))
+            better = next((d for d in drawn if _count_spoiled(d[1]) < _count_spoiled(undrawn)), None)
+            if better is not None:
+                state, undrawn = better
                 break
             del system.start[known:], system.extras[known - system.extra :]
     return state
 
 
-def _count_names(undrawn: Sequence[Undrawn]) -> int:
-    return len({u.variable for u in undrawn})
+def _count_spoiled(undrawn: Sequence[Undrawn]) -> tuple[int, int]:
+    """How many names spoil drawings, and how many drawings each, in all."""
+    return len({u.variable for u in undrawn}), len(undrawn)
 
 
 class Hazard(NamedTuple):
@@ -129,10 +132,9 @@ def _add_equation(
     system: LinearSystem, program: Program, found: _Spans, hazard: Hazard, before: _Solution, equation: _Distance
 ) -> _Solution | None:
     """The solution with a distance that stays, if something plain may follow from it and it is safer than that `before`."""
-    after = _solve_with(
-        system, program, found, before, equation, _Place(*found.leaves_of(hazard), hazard.variable, found.is_radial(hazard))
-    )
-    return after if after is not None and after.is_safer(before) else None
+    place = _Place(*found.leaves_of(hazard), hazard.variable, found.is_radial(hazard))
+    trials = _list_solutions(system, program, found, before, equation, place, found.leaves_of(hazard)[1])
+    return next((after for after in trials if after.is_safer(before)), None)
 
 
 class _Place(NamedTuple):
@@ -144,21 +146,26 @@ class _Place(NamedTuple):
     is_radial: bool = False
 
 
-def _solve_with(
-    system: LinearSystem, program: Program, found: _Spans, before: _Solution, equation: _Distance, place: _Place
-) -> _Solution | None:
-    """The solution with a distance that stays; None where nothing plain may follow from that."""
+def _list_solutions(
+    system: LinearSystem, program: Program, found: _Spans, before: _Solution, equation: _Distance, place: _Place, only: int | None = None
+) -> Iterator[_Solution]:
+    """The solutions with a distance that stays, one for each number that may follow from that by something plain, the best first; the
+    others are those of one leaf that are no sizes where `only` says so."""
     first, second, mover, is_radial = place
-    reduced = before.reduced.add([equation.with_name(system, first, second)], len(system.start))
-    left = reduced.matrix[-1]
-    ranked = rank_followers(system, np.flatnonzero(left).tolist(), second, first, mover, is_radial)
-    follower = next((v for v in ranked if system.is_plain(left / left[v])), None)
-    if follower is None:
-        return None
-    reduced.solve_for(follower, len(reduced.matrix) - 1)
-    solved = system.solve(reduced)
-    unseen = find_unseen(system, solved, program)
-    return _Solution(solved, unseen, found.find_hazards(solved, unseen), reduced)
+    row = equation.with_name(system, first, second)
+    named = row.keys() - equation.row.keys()  # what says how far apart they are follows nothing
+    whole = before.reduced.add([row], len(system.start))
+    left = whole.matrix[-1].copy()
+    held = (v for v in np.flatnonzero(left).tolist() if v not in named)
+    ranked = rank_followers(system, held, second, first, mover, is_radial)
+    plain = [v for v in ranked if system.is_plain(left / left[v])]
+    others = (v for v in plain[1:] if only is None or may_give_way(system, v, only))
+    for follower in [*plain[:1], *others][:FOLLOWERS_TRIED]:
+        reduced = Reduced(whole.matrix.copy(), dict(whole.pivots))
+        reduced.solve_for(follower, len(reduced.matrix) - 1)
+        solved = system.solve(reduced)
+        unseen = find_unseen(system, solved, program)
+        yield _Solution(solved, unseen, found.find_hazards(solved, unseen), reduced)
 
 
 class _Distance(NamedTuple):

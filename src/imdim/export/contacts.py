@@ -22,7 +22,8 @@ from imdim.program.tree import Program, leaves
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
-ROUND = frozenset(("radius", "diameter", "angle", "chamfer", "sides", "gap", "distance", "offset"))  # words of numbers that no place says
+# words of numbers that no place says
+ROUND = frozenset(("radius", "diameter", "angle", "chamfer", "sides", "gap", "distance", "offset", "tip"))
 
 
 class FlatFace(NamedTuple):

@@ -42,6 +42,11 @@ def rank_followers(system: LinearSystem, among: Iterable[int], second: int, firs
     return sorted(ranks, key=lambda v: (ranks[v], -v))
 
 
+def may_give_way(system: LinearSystem, v: int, leaf: int) -> bool:
+    """Whether a variable says where a leaf, an end of it or a line of its drawing is."""
+    return system.leaf_of(v) == leaf and _kind_of(system, v) in (PLACE, END, LINE)
+
+
 def _is_across(system: LinearSystem, v: int) -> bool:
     """Whether a variable says how wide something round is."""
     return v >= system.extra and system.extras[v - system.extra][1].endswith(("diameter", "arc_radius"))

@@ -41,6 +41,13 @@ class _Corner(NamedTuple):
     edge: bool
 
 
+class _CornerDatum(NamedTuple):
+    """What a corner may be measured from: where it is, and what to call the distance."""
+
+    row: Row
+    word: str
+
+
 class OutlineDimensions:
     """The variables of one outline, and the equations between them."""
 
@@ -64,6 +71,8 @@ class OutlineDimensions:
         centers = [(axis, c[axis]) for c in rounds for axis in (X, Y)]
         self._add("center", centers, ("hole_spacing_x", "hole_spacing_y"), ("hole_x", "hole_y"))
         self._add_arcs(rounds)
+        for inner, prefix in ((False, ""), (True, "window_")):
+            self._add_corners(inner, prefix, about_ends=True)
         for joint in self.joints.all():
             self.system.rows += [row for row in self._equations(joint) if row]
 
@@ -79,7 +88,7 @@ class OutlineDimensions:
             if turned:
                 self._add_levels(side_of(inner), sorted({self.joints.cell(place): place for axis, place in places if axis == Y}.values()))
             self._add(side_of(inner), places, extents, single)
-            self._add_corners(side_of(inner), [loop for loop in self.joints.loops if loop and loop[0].after.inner == inner], prefix)
+            self._add_corners(inner, prefix, about_ends=False)
 
     def _add_levels(self, what: str, levels: Sequence[float]) -> None:
         """Heights of turned parts from the end that is nearer, the lowest level or the top, or from the next level on the way there that a
@@ -188,31 +197,41 @@ class OutlineDimensions:
             return not curve.loose
         return curve.across == axis and (side_of(curve.inner), axis, self.joints.cell(curve.place)) not in self.following
 
-    def _add_corners(self, what: str, loops: Sequence[Sequence[Joint]], prefix: str) -> None:
+    def _add_corners(self, inner: bool, prefix: str, about_ends: bool) -> None:
         """Variables for the other corners: of those that mirror each other how far they are apart, of others how far from the axis, or from
-        what is nearer of their loop and has a place, the nearest first. Small things move whole, and run into nothing beside them."""
-        drawn = [[joint for joint in loop if not joint.carried and not joint.about] for loop in loops]
-        every = {(axis, self.joints.cell(joint.at[axis])) for loop in drawn for joint in loop for axis in (X, Y)}
-        for axis, loop in product((X, Y), drawn):
+        what is nearer of their loop and has a place, the nearest first. Small things move whole, and run into nothing beside them.
+
+        Of loops with round ends, or of the others: the tip of a teardrop is as far from the middle of its arc as it is.
+        """
+        loops = [loop for loop in self.joints.loops if loop and loop[0].after.inner == inner]
+        what, found = side_of(inner), [loop for loop in loops if about_ends == any(joint.about for joint in loop)]
+        drawn = [([joint for joint in loop if not joint.carried and not joint.about], _ends_of(loop)) for loop in found]
+        every = {(axis, self.joints.cell(joint.at[axis])) for loop, _ in drawn for joint in loop for axis in (X, Y)}
+        for axis, (loop, ends) in product((X, Y), drawn):
             places = {self.joints.cell(joint.at[axis]): joint.at[axis] for joint in loop if abs(joint.at[axis]) > self.slack}
-            placed = [0.0, *(place for cell, place in places.items() if (what, axis, cell) in self.known)]
+            placed = {0.0: _CornerDatum({}, "step"), **{end.center[axis]: _CornerDatum(end.at[axis] or {}, "tip") for end in ends}}
+            known = {cell: place for cell, place in places.items() if (what, axis, cell) in self.known}
+            placed |= {place: _CornerDatum(self.known[what, axis, cell], "step") for cell, place in known.items()}
             left = [p for cell, p in places.items() if (what, axis, cell) not in self.known and (what, axis, cell) not in self.following]
             while left:
                 place, base = min(product(left, placed), key=lambda pair: abs(pair[0] - pair[1]))
                 left.remove(place)
-                placed.append(place)
                 cell, mirrored = (self.joints.cell(p) for p in (place, -place))
                 if (what, axis, cell) not in self.known:
                     both = (axis, mirrored) in every and (what, axis, mirrored) not in self.known
-                    self.known[what, axis, cell] = row = self._corner_row(what, axis, place, base, both, prefix)
+                    self.known[what, axis, cell] = row = self._corner_row(axis, place, base, placed[base], both, prefix)
                     if both:
                         self.known[what, axis, mirrored] = sum_rows((row, -1.0))
+                placed[place] = _CornerDatum(self.known[what, axis, cell], "step")
 
-    def _corner_row(self, what: str, axis: int, place: float, base: float, both: bool, prefix: str) -> Row:
-        """A coordinate of a corner as a step from a `base`, as its own, or, of `both` that mirror each other, as half a spacing."""
-        if base and not (both and abs(place - base) > NEAR * abs(place)):
-            step = self._new(f"{prefix}step_{'xy'[axis]}", place - base)
-            return sum_rows((self.find_place(what, axis, base), 1.0), ({step: 1.0}, 1.0))
+    def _corner_row(self, axis: int, place: float, start: float, base: _CornerDatum, both: bool, prefix: str) -> Row:
+        """A coordinate of a corner as a step from a `base` at `start`, as its own, or, of `both` that mirror each other, as half a
+        spacing."""
+        if base.row and not (both and abs(place - start) > NEAR * abs(place)):
+            if abs(place - start) <= self.slack:
+                return base.row
+            step = self._new(f"{prefix}{base.word}_{'xy'[axis]}", place - start)
+            return sum_rows((base.row, 1.0), ({step: 1.0}, 1.0))
         word, size = ("corner_spacing", 2 * abs(place)) if both else ("corner", place)
         return {self._new(f"{prefix}{word}_{'xy'[axis]}", size): place / size}
 
@@ -328,6 +347,11 @@ class OutlineDimensions:
         if axis != joint.along:
             return center, True
         return sum_rows((center, 1.0), (c.size, 1.0 if joint.at[axis] > c.center[axis] else -1.0)), True
+
+
+def _ends_of(loop: Sequence[Joint]) -> list[DrawnArc]:
+    """The arcs of a loop whose ends are where the lines beside them touch them."""
+    return list({id(joint.about): joint.about for joint in loop if joint.about}.values())
 
 
 def _has(places: Iterable[float], place: float, slack: float) -> bool:
