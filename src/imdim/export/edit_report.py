@@ -14,6 +14,7 @@ from imdim.geometry.solid import to_trimesh
 from imdim.target.target import target_from
 
 PIXELS = 360  # of each picture, square
+SPECK = 1e-6  # of the volume, a hundredth of the size each way: nobody sees whether a smaller piece or void comes or goes
 _KINDS = (("body", "bodies"), ("through-hole", "through-holes"), ("void", "voids"))
 
 
@@ -28,7 +29,7 @@ class EditReport:
     @staticmethod
     def of(before: Manifold, after: Manifold, lost_edges: Sequence[str] = ()) -> EditReport:
         """`lost_edges` say of which edge features edges are gone."""
-        return EditReport(census_of(before), census_of(after), tuple(lost_edges))
+        return EditReport(census_of(before, SPECK), census_of(after, SPECK), tuple(lost_edges))
 
     @property
     def changes_in_kind(self) -> str:
@@ -40,10 +41,12 @@ class EditReport:
         """What a person wants to know of the edit, to be read on a terminal."""
         before, after = self.before, self.after
         kind = self.changes_in_kind
+        share = round(after.volume / before.volume - 1, 3)
+        change = f"{share:+.1%}" if share else "0.0%"
         same = ", ".join(_count(n, words) for n, words in zip(after.kind, _KINDS, strict=True) if n)
         return [
             f"size    {_size(before)} -> {_size(after)}" if _size(before) != _size(after) else f"size    {_size(after)}, as before",
-            f"volume  {before.volume:.6g} -> {after.volume:.6g} ({after.volume / before.volume - 1:+.1%})",
+            f"volume  {before.volume:.6g} -> {after.volume:.6g} ({change})",
             f"changed in kind: {kind}" if kind else f"in kind as before: {same}",
         ]
 

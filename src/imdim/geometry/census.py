@@ -32,8 +32,9 @@ class SolidCensus:
         return self.bodies, self.through, self.voids
 
 
-def census_of(solid: Manifold) -> SolidCensus:
-    """Count the closed surfaces of a solid; one that encloses a negative volume bounds a void."""
+def census_of(solid: Manifold, least: float = CRUMB) -> SolidCensus:
+    """Count the closed surfaces of a solid that hold more than a `least` share of its volume; one that encloses a negative volume bounds
+    a void."""
     volume, box, mesh = solid.volume(), solid.bounding_box(), to_trimesh(solid)
     count, of_corner = label_surfaces(mesh)
     of_face = of_corner[mesh.faces[:, 0]]
@@ -41,7 +42,7 @@ def census_of(solid: Manifold) -> SolidCensus:
     volumes = np.bincount(of_face, np.einsum("ij,ij->i", a - a.mean(0), np.cross(b - a, c - a)) / 6, minlength=count)
     corners, faces = np.bincount(of_corner, minlength=count), np.bincount(of_face, minlength=count)
     genus = 1 - (corners - faces // 2) // 2  # Euler's formula, with three halves of a side for each face
-    counted = np.abs(volumes) > CRUMB * volume
+    counted = np.abs(volumes) > least * volume
     voids = int((volumes[counted] < 0).sum())
     size = (box[3] - box[0], box[4] - box[1], box[5] - box[2])
     return SolidCensus(int(counted.sum()) - voids, int(genus[counted].sum()), voids, size, volume)
