@@ -82,18 +82,20 @@ def _sweep(
 ) -> tuple[Any, tuple[EdgeNumber, ...]]:
     """The shape with those edges that are sharp blended by booleans with their swept sections, and the edges that stay sharp."""
     done = [s for s in placed.edges if (s.feature, s.edge) not in sharp]
-    exact, _ = _Exact(to_manifold(program)).with_pieces(sweep_blends(done))
+    exact = _blended(to_manifold(program), sweep_blends(done))
     volume, failed = shape_volume(shape, VOLUME_ERROR), list[EdgeNumber]()
     for number in sharp:
         group, rooms = zip(*(pair for pair in placed.pairs if (pair[0].feature, pair[0].edge) == number), strict=True)
         pieces, has_time = sweep_blends(group), not deadline.has_passed()
-        tried = shape if has_time and all(rooms) else None
+        tried, after = shape if has_time and all(rooms) else None, exact
         for piece in pieces if tried is not None else ():
+            solid = to_manifold(piece.solid)
+            after = after - solid if piece.cuts else after + solid
             tried = _boolean(tried, build(piece.solid), piece.cuts)
+        expected = after.volume() - exact.volume()
         if tried is None or solids_in(tried) != solids_in(shape) or not ocp("BRepCheck").BRepCheck_Analyzer(tried).IsValid():
             failed.append(number)
             continue
-        after, expected = exact.with_pieces(pieces)
         found = shape_volume(tried, VOLUME_ERROR)
         if abs(found - volume - expected) > OFF * abs(expected) + NOISE * volume:
             failed.append(number)
@@ -102,33 +104,12 @@ def _sweep(
     return merge_faces(shape, volume), tuple(failed)
 
 
-class _Exact(NamedTuple):
-    """An exact solid with blends: the `sharp` one with what they fill in, and beside it what they take off, since what one more takes off
-    is found in half the time if the solid is not made anew."""
-
-    sharp: Manifold
-    taken: tuple[Manifold, ...] = ()
-
-    def with_pieces(self, pieces: Sequence[BlendSolid]) -> tuple[_Exact, float]:
-        """The solid with more blends, what they fill in first, and by how much its volume changes."""
-        fills = [to_manifold(piece.solid) for piece in pieces if not piece.cuts]
-        cuts = [to_manifold(piece.solid) for piece in pieces if piece.cuts]
-        (solid, taken), change = self, 0.0
-        if fills:
-            before = COMBINE["difference"]([solid, *taken])
-            solid, taken = COMBINE["union"]([before, *fills]), ()
-            change += solid.volume() - before.volume()
-        for cut in cuts:
-            more = COMBINE["difference"]([cut, *(other for other in taken if _overlap(cut, other))])
-            change -= (more ^ solid).volume()
-            taken = (*taken, cut)
-        return _Exact(solid, taken), change
-
-
-def _overlap(one: Manifold, two: Manifold) -> bool:
-    """Whether the boxes of two solids do."""
-    a, b = one.bounding_box(), two.bounding_box()
-    return all(a[k] < b[k + 3] and b[k] < a[k + 3] for k in range(3))
+def _blended(solid: Manifold, pieces: Sequence[BlendSolid]) -> Manifold:
+    """The exact solid with what blends fill in and cut off: its own booleans are done once for all of them."""
+    fills = [to_manifold(piece.solid) for piece in pieces if not piece.cuts]
+    cuts = [to_manifold(piece.solid) for piece in pieces if piece.cuts]
+    filled = COMBINE["union"]([solid, *fills]) if fills else solid
+    return COMBINE["difference"]([filled, *cuts]) if cuts else filled
 
 
 def _boolean(shape: Any, tool: Any, cuts: bool) -> Any:
@@ -176,8 +157,8 @@ class _State:
         self.shape = shape
         self._blended: list[BlendedEdge] = []
         self._known: np.ndarray | None = None
-        self._volume, self._sharp = shape_volume(shape, VOLUME_ERROR), _Exact(to_manifold(program))
-        self._exact, self._change, self._pieces = self._sharp, 0.0, frozenset[BlendSolid]()
+        self._volume, self._solid = shape_volume(shape, VOLUME_ERROR), to_manifold(program)
+        self._exact, self._pieces = self._solid, frozenset[BlendSolid]()
         self._slack = ROUNDING * longest(leaves(program))
 
     def blend(self, stretches: Sequence[BlendedEdge]) -> bool:
@@ -190,24 +171,23 @@ class _State:
             return False
         after = [*self._blended, *stretches]
         pieces = sweep_blends(after)
-        exact, change = self._add_exactly(pieces)
-        expected, volume = change - self._change, shape_volume(shape, VOLUME_ERROR)
+        exact, volume = self._add_exactly(pieces), shape_volume(shape, VOLUME_ERROR)
+        expected = exact.volume() - self._exact.volume()
         allowed = OFF * abs(expected) + _corner_volume(stretches, after) + NOISE * volume
         if abs(volume - self._volume - expected) > allowed:
             return False
         self.shape, self._blended, self._volume, self._known = shape, after, volume, None
-        self._exact, self._change, self._pieces = exact, change, frozenset(pieces)
+        self._exact, self._pieces = exact, frozenset(pieces)
         return True
 
-    def _add_exactly(self, pieces: Sequence[BlendSolid]) -> tuple[_Exact, float]:
-        """The exact solid with some pieces, and by how much its volume differs from the sharp one's. It goes on from that with the last
-        ones, but where one of these is no more, and where something is filled in after cuts."""
+    def _add_exactly(self, pieces: Sequence[BlendSolid]) -> Manifold:
+        """The exact solid with some pieces. It goes on from that with the last ones, but where one of these is no more, and where something
+        is filled in after cuts."""
         more = [piece for piece in pieces if piece not in self._pieces]
         cuts_last = all(piece.cuts for piece in more) or not any(piece.cuts for piece in self._pieces)
         if cuts_last and self._pieces <= set(pieces):
-            exact, change = self._exact.with_pieces(more)
-            return exact, self._change + change
-        return self._sharp.with_pieces(pieces)
+            return _blended(self._exact, more)
+        return _blended(self._solid, pieces)
 
     def _places(self) -> np.ndarray:
         """The points of the shape's edges, which those of its copies have too, in the same order."""
