@@ -24,7 +24,7 @@ from imdim.reconstruction.pipeline import reconstruct
 from imdim.target.target import InputError, in_unit_frame, sample_surface, target_from
 
 
-def cloud(program, share=0.006, n=1500, outliers=0.0, seed=0):
+def cloud(program, share=0.006, n=900, outliers=0.0, seed=0):
     rng = np.random.default_rng(seed)
     points = surface_points(program, n, rng)[0]
     points = points + rng.normal(0, share * np.linalg.norm(np.ptp(points, axis=0)), points.shape)
@@ -49,7 +49,7 @@ def told(starts, points, *times, drawn=False, anew=True):
 @pytest.mark.parametrize(("name", "share"), [("L bracket", 0.006), ("plate with four holes", 0.003)])
 def test_a_planted_part_comes_back_from_noise_and_strays(name, share):
     truth = PARTS[name]
-    *_, last = reconstruct(target_from(cloud(truth, share, n=900, outliers=0.02)), Settings(checkpoint="none"), np.random.default_rng(0))
+    *_, last = reconstruct(target_from(cloud(truth, share, outliers=0.02)), Settings(checkpoint="none"), np.random.default_rng(0))
     assert volume_iou(to_manifold(last.program), to_manifold(truth)) >= 0.96
     assert count(last.program).primitives <= 1.5 * count(truth).primitives
     assert not last.proof

@@ -36,7 +36,7 @@ from imdim.export.preview import SUPERSAMPLE, preview
 from imdim.export.step_worker import StepWorker, exporting, finish_or_skip_step
 from imdim.geometry.census import census_of
 from imdim.geometry.edge_solids import solid_with_edges
-from imdim.geometry.solid import SEGMENTS, join_touching, mesh_to_manifold, to_manifold, to_trimesh
+from imdim.geometry.solid import SEGMENTS, join_touching, mesh_to_manifold, to_trimesh
 from imdim.program.codec import Meta
 from imdim.program.codec import dumps as program_text
 from imdim.program.constraints import Constraint
@@ -85,8 +85,8 @@ def deliver(
             given, found = program, finish(program, constraints, finish_by, edges, name_by) if named is None else _keep(named)
             program = found.program
             meta = frame_meta(target)
-            sharp = to_manifold(program, segments)
-            solid = solid_with_edges(program, found.edges, segments, join_touching)
+            sharp = join_touching(program, segments)
+            solid = solid_with_edges(program, found.edges, segments, join_touching) if found.edges else sharp
             drawn = do_edges_matter(sharp.volume(), solid.volume())
             intervals = state_intervals(found, target, finish_by) if run.noisy else None
             texts = compose_texts(found, meta, segments, drawn, finish_by) | ({} if named is None else dict(named.texts))
@@ -154,8 +154,9 @@ def export(
     with replacing(folder) as partial:
         found = finish(*relations_of(program), edges=edges) if named is None else _keep(named)
         program = found.program
-        solid = solid_with_edges(program, found.edges, segments, join_touching)
-        drawn = do_edges_matter(to_manifold(program, segments).volume(), solid.volume())
+        sharp = join_touching(program, segments)
+        solid = solid_with_edges(program, found.edges, segments, join_touching) if found.edges else sharp
+        drawn = do_edges_matter(sharp.volume(), solid.volume())
         kept = {} if named is None else with_segments(named.texts, segments)
         _write(compose_texts(found, meta, segments, drawn) | kept, partial)
         called = _named(found, folder.resolve().name)
