@@ -41,3 +41,7 @@ def test_surfaces_are_split_as_they_come_with_their_own_corners():
     assert all(piece.is_watertight for piece in split)
     assert sorted(piece.volume for piece in split) == pytest.approx(sorted(piece.volume() for piece in row.decompose()))
     assert split_surfaces(split[0]) == [split[0]]
+
+
+def test_nothing_has_no_bodies():
+    assert census_of(Manifold()).kind == (0, 0, 0)

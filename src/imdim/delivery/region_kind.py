@@ -17,10 +17,10 @@ from imdim.detection.faceting import ON_SURFACE, chord_pairs
 from imdim.detection.facets import Facets
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.detection.threads import describe_thread, find_threads
+from imdim.geometry.components import components
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import CLOSED_KINDS, unit
-from imdim.target.bodies import components
 
 Kind = Literal["thread", "teeth", "text", "freeform"]
 

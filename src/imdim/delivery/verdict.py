@@ -24,10 +24,10 @@ from imdim.delivery.surface_elements import SurfaceElements, elements_of
 from imdim.detection.mesh_noise import DEVIATION
 from imdim.detection.noise import MeasuredNoise
 from imdim.export.verdict_colours import VERDICTS, ColouredTarget
+from imdim.geometry.components import components
 from imdim.geometry.solid import SEGMENTS
 from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
 from imdim.program.tree import Program
-from imdim.target.bodies import components
 from imdim.target.target import Target
 
 EXACT, APPROXIMATED, LEFT_OUT = range(3)

@@ -19,9 +19,9 @@ import trimesh
 
 from imdim.detection.facets import Facets, facets_of
 from imdim.detection.mesh_surfaces import Shown, detect_shown
+from imdim.geometry.components import components
 from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
 from imdim.program.edges import EdgeKind
-from imdim.target.bodies import components
 
 TANGENT = 6.0  # degrees, below which surfaces touch; coarse facets leave some
 HALF_STEP = 0.7  # of a step between facets, below which the first one touches what is beside it

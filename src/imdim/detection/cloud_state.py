@@ -10,8 +10,8 @@ from scipy.spatial import KDTree
 
 from imdim.detection.cloud_kernels import CONE, PLANE, gains, pack
 from imdim.detection.noise import NoiseModel
+from imdim.geometry.components import components
 from imdim.geometry.surface import SURFACE_KINDS, Surface, is_spindle
-from imdim.target.bodies import components
 
 
 @dataclass

@@ -18,10 +18,10 @@ import numpy as np
 
 from imdim.detection.facets import Facets, points_of
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
+from imdim.geometry.components import components
 from imdim.geometry.rows import dot_rows, lengths
 from imdim.geometry.surface import Surface, vec
 from imdim.program.metric import metric_thread
-from imdim.target.bodies import components
 
 SMOOTH_DEG = 25.0  # under which the facets of one flank meet
 LEAST_FACETS = 12  # of a flank: two turns of six

@@ -18,9 +18,10 @@ from manifold3d import Error, Manifold
 
 from imdim.detection.facets import Facets
 from imdim.detection.threads import ACROSS, Thread, measure_to_axis, measure_turns
+from imdim.geometry.components import components
 from imdim.geometry.solid import solid_of, to_trimesh
 from imdim.geometry.surface import unit
-from imdim.target.bodies import compact, components, edge_table, face_normals
+from imdim.target.bodies import compact, edge_table, face_normals
 
 NEAR = 0.02  # of the depth, within which a corner is on the crest or on a chamfer
 SECTORS = 16  # about the axis, half of which a chamfer has corners in

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from manifold3d import Manifold
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
+from imdim.geometry.components import components
 from imdim.geometry.solid import to_trimesh
 
 CRUMB = 1e-7  # of the volume: a smaller piece is what booleans leave of faces that touch
@@ -39,7 +38,7 @@ def census_of(solid: Manifold, least: float = CRUMB) -> SolidCensus:
     count, of_corner = label_surfaces(mesh)
     of_face = of_corner[mesh.faces[:, 0]]
     a, b, c = np.moveaxis(mesh.triangles, 1, 0)
-    volumes = np.bincount(of_face, np.einsum("ij,ij->i", a - a.mean(0), np.cross(b - a, c - a)) / 6, minlength=count)
+    volumes = np.bincount(of_face, np.einsum("ij,ij->i", a - a[:1], np.cross(b - a, c - a)) / 6, minlength=count)
     corners, faces = np.bincount(of_corner, minlength=count), np.bincount(of_face, minlength=count)
     genus = 1 - (corners - faces // 2) // 2  # Euler's formula, with three halves of a side for each face
     counted = np.abs(volumes) > least * volume
@@ -52,8 +51,7 @@ def label_surfaces(mesh: trimesh.Trimesh) -> tuple[int, np.ndarray]:
     """How many surfaces hang together in a mesh whose equal corners are one, and the surface of each corner [v], numbered as they come:
     for thousands of them at once, of which manifold3d makes a solid each, in the square of the time."""
     start, end = mesh.faces[:, (0, 1)].T
-    links = (np.ones(2 * len(start), bool), (np.concatenate([start, end]), np.concatenate([end, mesh.faces[:, 2]])))
-    return connected_components(coo_matrix(links, shape=(len(mesh.vertices),) * 2), directed=False)
+    return components(np.concatenate([start, end]), np.concatenate([end, mesh.faces[:, 2]]), len(mesh.vertices))
 
 
 def split_surfaces(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:

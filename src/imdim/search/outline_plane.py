@@ -16,11 +16,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.geometry.components import components
 from imdim.geometry.rows import lengths
 from imdim.search.cells import Cells
 from imdim.search.kernels import group_rows
 from imdim.search.outline_kernels import Graph
-from imdim.target.bodies import components
 
 TANGENT, MOST = 3e-4, 8e-4  # of the unit frame: by how much a wall that is meant to touch a circle may miss it, at least and at most
 SAGITTA = 0.012  # of the radius, between these: the circle is drawn through the corners of facets

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
+from imdim.geometry.components import components
 from imdim.geometry.sampling import subsample
 from imdim.geometry.winding import winding_number
 
@@ -37,11 +36,6 @@ def edge_table(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     low, high = np.minimum(start, end), np.maximum(start, end)
     label = np.unique(low * (int(faces.max()) + 1) + high, return_inverse=True)[1]
     return low, high, start < end, label
-
-
-def components(rows: np.ndarray, columns: np.ndarray, count: int) -> tuple[int, np.ndarray]:
-    """How many pieces the links between `rows` and `columns` make of `count` nodes, and the piece of each."""
-    return connected_components(coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(count, count)), directed=False)
 
 
 def mesh_volume(vertices: np.ndarray, faces: np.ndarray) -> float:

@@ -14,13 +14,13 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
+from imdim.geometry.components import components
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.geometry.rows import lengths
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.surface import vec
 from imdim.program.tree import FLAT_ENDS, Primitive, Program
 from imdim.search.mdl.primitive_selection import Cloud
-from imdim.target.bodies import components
 
 LEAST = 8  # points of a group
 MOST_GROUPS = 6
