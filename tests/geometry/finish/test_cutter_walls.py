@@ -17,6 +17,7 @@ from imdim.reconstruction.pipeline import reconstruct
 from imdim.target.target import Frame, target_from
 
 HAIR = 0.01  # by which a cutter is too short, of parts some 50 long
+KEYHOLE = Outline((((-20.0, -4.0, 0.0), (14.0, -8.0, 2.0), (14.0, 8.0, 0.0), (-20.0, 4.0, 0.0)),))  # its round end as the stadium's
 STADIUM = Outline((((-20.0, -10.0, 0.0), (20.0, -10.0, 1.0), (20.0, 10.0, 0.0), (-20.0, 10.0, 1.0)),))
 
 
@@ -33,11 +34,11 @@ def slot(front: float) -> Outline:
     return Outline((((-8.0, -4.0, 0.0), (6.0, -4.0, 0.0), (6.0 + (front + 4) / 4, front, 0.0), (-8.0, front, 0.0)),))
 
 
-def bay(radius: float) -> Outline:
-    """Open at the round end of the stadium, between two arcs about its middle."""
-    x, y = 20 + radius * math.cos(0.6), radius * math.sin(0.6)
-    u, v = 20 + 5 * math.cos(0.6), 5 * math.sin(0.6)
-    return Outline((((x, -y, math.tan(0.3)), (x, y, 0.0), (u, v, -math.tan(0.3)), (u, -v, 0.0)),))
+def bay(radius: float, half: float = 0.6) -> Outline:
+    """Open at a round end, between two arcs about its middle that reach as far to either side."""
+    x, y = 20 + radius * math.cos(half), radius * math.sin(half)
+    u, v = 20 + 5 * math.cos(half), 5 * math.sin(half)
+    return Outline((((x, -y, math.tan(half / 2)), (x, y, 0.0), (u, v, -math.tan(half / 2)), (u, -v, 0.0)),))
 
 
 def neck(radius: float) -> Outline:
@@ -49,6 +50,7 @@ def neck(radius: float) -> Outline:
 CASES = {
     "straight wall": lambda short: (extrude(12.0, rectangle(50.0, 20.0)), extrude(12.0 + 2, slot(10.0 - short))),
     "round wall": lambda short: (extrude(12.0, STADIUM), extrude(8.0, bay(10.0 - short), (0.0, 0.0, 3.0))),
+    "wall of more than half a turn": lambda short: (extrude(12.0, KEYHOLE), extrude(8.0, bay(10.0 - short, 2.0), (0.0, 0.0, 3.0))),
     "turned wall": lambda short: (Primitive("cylinder", (10.0, 40.0)), Primitive("revolve", (360.0,), outline=neck(10.0 - short))),
     "half turned": lambda short: (Primitive("cylinder", (10.0, 40.0)), Primitive("revolve", (150.0,), outline=neck(10.0 - short))),
     "face of a box": lambda short: (

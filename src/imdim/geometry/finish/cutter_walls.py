@@ -250,6 +250,9 @@ def _wider(ring: Ring, seen: _Seen, step: float) -> list[Ring]:
             # a wall that stays where it was is not opened, and would be asked for again and again
             opens = moved and not any(_is_along(moved, ring_curves(ring)[(first + k) % len(ring)], step) for k in inner)
             found += [moved] if moved and opens and len(moved) <= len(ring) + MORE_CURVES * film else []
+        if film:
+            around = _surround_run(ring, first, count, step)
+            found += [around] if len(around) <= len(ring) + MORE_CURVES else []
     return sorted(found, key=len)
 
 
@@ -312,6 +315,61 @@ def straighten_run(ring: Ring, first: int, count: int, step: float) -> Ring | No
     head = [] if lead_out is not None else [(*map(float, start), 0.0)]
     tail = [(*map(float, close), 0.0), (x, y, bulge)] if lead_in is None else [(*map(float, close), bulge)]
     return (*head, (*map(float, begin), 0.0), *tail, *kept)  # type: ignore[return-value]
+
+
+def _surround_run(ring: Ring, first: int, count: int, step: float) -> Ring:
+    """The ring with the box of the `count` curves from number `first`, larger by a step, in their place, which is entered and left along the
+    lines beside them, or the shortest way where an arc is beside them.
+
+    It takes in what reaches farther sideways than where the run begins and ends, such as an arc of more than half a turn.
+    """
+    n = len(ring)
+    curves = ring_curves(ring)
+    (left, low), (right, high) = curve_bounds([curves[(first + k) % n] for k in range(count)])
+    box = np.array([[left - step, low - step], [right + step, high + step]])
+    before, after = curves[first - 1], curves[(first + count) % n]
+    start, end = np.array(ring[first][:2]), np.array(after[:2])
+    begin, close = _leave_box(box, start, before, 1.0), _leave_box(box, end, after, -1.0)
+    around = [begin, *_corners_between(box, begin, close), close]
+    head = [] if not before[4] else [start]
+    x, y, bulge = ring[(first + count) % n]
+    tail = [] if not bulge else [(x, y, bulge)]
+    kept = [ring[(first + count + k) % n] for k in range(1, n - count)]
+    lines = [(float(u), float(v), 0.0) for u, v in (*head, *around)]
+    return (*lines, *tail, *kept)
+
+
+def _leave_box(box: np.ndarray, point: np.ndarray, beside: Curve, way: float) -> np.ndarray:
+    """Where the border of a box [2, 2] is met from a point [2] in it, along the curve beside it, passed forwards or back (`way`), if that is
+    a line, else the shortest way."""
+    x, y, u, v, bulge = beside
+    ray = way * np.array([u - x, v - y])
+    if bulge:
+        gaps = np.abs(box - point)
+        side, axis = np.unravel_index(int(gaps.argmin()), gaps.shape)
+        ray = np.zeros(2)
+        ray[axis] = 2.0 * side - 1.0
+    with np.errstate(divide="ignore"):
+        reach = np.where(ray > 0, (box[1] - point) / ray, np.where(ray < 0, (box[0] - point) / ray, math.inf))
+    axis = int(reach.argmin())
+    met = point + reach[axis] * ray
+    met[axis] = box[int(ray[axis] > 0), axis]
+    return met
+
+
+def _corners_between(box: np.ndarray, begin: np.ndarray, close: np.ndarray) -> list[np.ndarray]:
+    """Corners of a box [2, 2] that are passed from one point of its border to another, its middle on the left."""
+    (left, low), (right, high) = box
+    corners = [np.array(c) for c in ((right, low), (right, high), (left, high), (left, low))]
+
+    def passed(point: np.ndarray) -> float:
+        """Sides of the box, the bottom first, up to a point of it."""
+        x, y = (point - box[0]) / (box[1] - box[0])
+        return [y + 1.0, 3.0 - x, 4.0 - y, x][int(np.abs([1.0 - x, 1.0 - y, x, y]).argmin())]
+
+    first, last = passed(begin), passed(close)
+    last += 4.0 * (last <= first)
+    return [corners[(k - 1) % 4] for k in range(1, 9) if first < k < last]
 
 
 def _lead(curve: Curve, way: float, out: np.ndarray) -> np.ndarray | None:
