@@ -53,11 +53,21 @@ class Stage(NamedTuple):
 
 def write_stages(program: Program, path: Path, edges: PlacedEdges, names: PartNames | None = None) -> Iterator[Stage]:
     """Write a file as `write_step` does, first with all edges sharp and then, if it has any, another in its place; what each is."""
-    shape, names = to_shape(program), names or PartNames.of(program)
-    written = _write(shape, path, program, names)
-    if written is None:
-        path.unlink()
-        raise StepError("OpenCASCADE built a solid that is not valid once it is read back")
+    names = names or PartNames.of(program)
+    read: dict[int, Any] = {}  # what is read back, by the shape that was written last
+
+    def survives(shape: Any) -> bool:
+        read.clear()
+        read[id(shape)] = _write(shape, path, program, names)
+        return read[id(shape)] is not None
+
+    try:
+        shape = to_shape(program, survives=survives)
+    except StepError:
+        path.unlink(missing_ok=True)
+        raise
+    # a later try that was worse may lie in its place
+    written = read[id(shape)] if id(shape) in read else _write(shape, path, program, names)
     if not edges.edges:
         yield Stage(shape_volume(written, INTEGRATION_ERROR), Blending())
         return
@@ -104,8 +114,8 @@ def step_volume(path: Path) -> float:
     return shape_volume(read_step(path), INTEGRATION_ERROR)
 
 
-def to_shape(program: Program, edges: Sequence[EdgeFeature] = ()) -> Any:
-    """The program as a valid TopoDS_Shape, with those of its edge features that OpenCASCADE can build.
+def to_shape(program: Program, edges: Sequence[EdgeFeature] = (), survives: Callable[[Any], bool] = lambda _: True) -> Any:
+    """The program as a valid TopoDS_Shape that, still sharp, `survives`, with those of its edge features that OpenCASCADE can build.
 
     Raises StepError when OpenCASCADE is not installed or builds none.
     """
@@ -113,7 +123,7 @@ def to_shape(program: Program, edges: Sequence[EdgeFeature] = ()) -> Any:
     largest = longest(leaves(program))
     if largest < SMALLEST_SIZE:
         raise StepError(f"STEP needs a part larger than {SMALLEST_SIZE:g}, its largest size is {largest:g}")
-    shape = build(program, _place)
+    shape = build(program, _place, survives)
     if not edges:
         return shape
     from imdim.export.step_blends import blend_shape

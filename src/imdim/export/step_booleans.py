@@ -9,20 +9,24 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from itertools import combinations
 from typing import Any, NamedTuple
 
 from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
-from imdim.geometry.solid import COMBINE, SEGMENTS, primitive_to_manifold
+from imdim.geometry.solid import COMBINE, SEGMENTS, draw_section, primitive_to_manifold
 from imdim.program.nary import fold_nary
+from imdim.program.outline import Outline
 from imdim.program.tree import OPS, Op, Primitive, Program, leaves, longest
 
 ROUGH = 1e-2  # relative volume that a shape may be off if there is no better one
 CLOSE = 5e-4  # relative volume that a shape may be off, the error of `_Exact` included
 INTEGRATION_ERROR = 1e-5  # relative
 FINER = 2  # facets per circle of the finer exact solid, over those of the coarser one
+FINENESS = (1, 2, 4, 8, 16)  # of the coarser one, over those of other exact solids: a thin bent wall needs more
+SECTION_ERROR = 1e-4  # relative area that a drawn section may be off, once it is extrapolated
 
 # shares of the largest size; what a gap may have to be closed
 FUZZY = (0.0, 3e-8, 3e-7, 3e-6, 3e-5, 2e-4)
@@ -58,9 +62,7 @@ class _Exact(NamedTuple):
     fine: Manifold
 
     def volume(self) -> float:
-        # facets lack volume as the square of their size: the rest of it is Richardson's extrapolation
-        fine = self.fine.volume()
-        return fine + (fine - self.coarse.volume()) / (FINER**2 - 1)
+        return _extrapolate(self.coarse.volume(), self.fine.volume())
 
     def bodies(self, largest: float) -> int:
         """Bodies that count, those apart by a hair as one."""
@@ -75,6 +77,11 @@ class _Exact(NamedTuple):
         return len(set(group))
 
 
+def _extrapolate(coarse: float, fine: float) -> float:
+    """What two finenesses tend to by Richardson: facets lack volume as the square of their size."""
+    return fine + (fine - coarse) / (FINER**2 - 1)
+
+
 _Combine = Callable[[list[_Exact]], _Exact]
 
 
@@ -84,14 +91,18 @@ class _Pair(NamedTuple):
     spare: int  # solids beyond the bodies of `exact`
 
 
+LOST = "OpenCASCADE built a solid that is not valid once it is read back"
+
+
 class _StuckError(Exception):
     """No way of doing a boolean gives the exact solid."""
 
 
-def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
-    """The program as one valid shape of the exact volume, its faces merged; raises StepError where OpenCASCADE builds none.
+def build(program: Program, place: Callable[[Primitive], Any], survives: Callable[[Any], bool] = lambda _: True) -> Any:
+    """The program as one valid shape of the exact volume that `survives`, its faces merged; raises StepError where OpenCASCADE builds none.
 
-    All booleans are done at once first. Where the result is wrong they are done one by one, each compared with its exact solid.
+    All booleans are done at once first. Where the result is wrong, or does not survive, they are done one by one, each compared with its
+    exact solid.
     """
     largest = longest(leaves(program))
     solids = [_exact_leaf(leaf) for leaf in leaves(program)]
@@ -99,24 +110,41 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
     exact = fold_nary(program, lambda i, _: solids[i], exact_of)
     volume, bodies = exact.volume(), exact.bodies(largest)
     plain, failure = _build_plain(program, place)
-    if _fits(plain, volume, CLOSE) and solids_in(plain) <= bodies:
-        return merge_faces(plain, volume)
-    best = plain if _fits(plain, volume, ROUGH) else None
+    best: _Built | None = None
+    if _fits(plain, volume, ROUGH):
+        best = _finish(plain, volume, survives)
+        failure = failure if best is not None else LOST
     deadline = Deadline.of_process(PATIENCE_S)
     for first in FIRST_WAYS if volume > 0 else ():
-        if best is not None and deadline.has_passed():
+        if best is not None and ((best.close and best.solids <= bodies) or deadline.has_passed()):
             break
         patience = deadline if best is not None else NEVER
         shape = _build_checked(program, lambda i, leaf: _Pair(place(leaf), solids[i], 0), exact_of, first, patience)
-        if shape is None:
+        if shape is None or (best is not None and best.close and solids_in(shape) >= best.solids):
             continue
-        if best is None or not _fits(best, volume, CLOSE) or solids_in(shape) < solids_in(best):
-            best = shape
-        if solids_in(best) <= bodies:
-            break
+        found = _finish(shape, volume, survives)
+        best, failure = (best, LOST) if found is None else (found, failure)
     if best is None:
         raise StepError(failure)
-    return merge_faces(best, volume, CLOSE if _fits(best, volume, CLOSE) else ROUGH)
+    return best.shape
+
+
+class _Built(NamedTuple):
+    """A shape that survives, whether its volume is `close` to the exact one, and its solids."""
+
+    shape: Any
+    close: bool
+    solids: int
+
+
+def _finish(shape: Any, volume: float, survives: Callable[[Any], bool]) -> _Built | None:
+    """A shape of roughly the exact `volume` with its faces merged, or as it is if only that survives; None where neither does."""
+    close = _fits(shape, volume, CLOSE)
+    merged = merge_faces(shape, volume, CLOSE if close else ROUGH)
+    for tried in (merged,) if merged is shape else (merged, shape):
+        if survives(tried):
+            return _Built(tried, close, solids_in(tried))
+    return None
 
 
 def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[Any, str]:
@@ -160,6 +188,9 @@ def _checked(op: Op, combine: _Combine, ways: tuple[_Way, ...], largest: float, 
             if solids_in(shape) <= allowed:
                 return _Pair(shape, exact, max(solids_in(shape) - bodies, 0))
             in_pieces.append(shape)
+        if not in_pieces and len(parts) > 2:
+            # one after another: of several that meet in one place OpenCASCADE may lose one
+            return reduce(lambda done, part: run([done, part]), parts)
         if not in_pieces:
             raise _StuckError
         return _Pair(in_pieces[0], exact, solids_in(in_pieces[0]) - bodies)
@@ -177,7 +208,18 @@ def _try(op: Op, shapes: list[Any], way: _Way, largest: float) -> Any:
 
 
 def _exact_leaf(leaf: Primitive) -> _Exact:
-    return _Exact(*(primitive_to_manifold(leaf, n * SEGMENTS) for n in (1, FINER)))
+    coarse = SEGMENTS * (1 if leaf.outline is None else _fineness(leaf.outline))
+    return _Exact(*(primitive_to_manifold(leaf, n * coarse) for n in (1, FINER)))
+
+
+def _fineness(outline: Outline) -> int:
+    """From which a section's area is as good as known."""
+
+    def is_enough(n: int) -> bool:
+        coarse, fine = (draw_section(outline, k * n * SEGMENTS).area() for k in (1, FINER))
+        return abs(_extrapolate(coarse, fine) - outline.area) < SECTION_ERROR * outline.area
+
+    return next((n for n in FINENESS if is_enough(n)), FINENESS[-1])
 
 
 def _exact(op: Op) -> _Combine:
