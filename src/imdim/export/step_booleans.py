@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import reduce
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -35,6 +36,8 @@ SMALLEST_BODY = 1e-6  # share of the volume
 MOST_BODIES = 20  # with more of them, gaps are not looked for
 
 MOST_IN_PIECES = 4  # ways that give the right volume in too many solids, after which no way is hoped for that gives one
+
+TOGETHER = 3  # ways of doing a boolean of several at once, before it is done one after another
 
 PATIENCE_S = 8.0  # for a better shape than one that will do; the whole export is given 20 s
 
@@ -177,9 +180,13 @@ def _checked(op: Op, combine: _Combine, ways: tuple[_Way, ...], largest: float, 
         # what came in pieces may stay so
         allowed = bodies + sum(part.spare for part in parts)
         in_pieces: list[Any] = []
-        for way in ways:
+        for tried, way in enumerate(ways):
             if len(in_pieces) == MOST_IN_PIECES:
                 break
+            if tried == TOGETHER and not in_pieces and len(parts) > 2:
+                # of several that meet in one place OpenCASCADE may lose one, whichever way
+                with suppress(_StuckError):
+                    return reduce(lambda done, part: run([done, part]), parts)
             if deadline.has_passed():
                 raise _StuckError
             shape = _try(op, [part.shape for part in parts], way, largest)
@@ -188,9 +195,6 @@ def _checked(op: Op, combine: _Combine, ways: tuple[_Way, ...], largest: float, 
             if solids_in(shape) <= allowed:
                 return _Pair(shape, exact, max(solids_in(shape) - bodies, 0))
             in_pieces.append(shape)
-        if not in_pieces and len(parts) > 2:
-            # one after another: of several that meet in one place OpenCASCADE may lose one
-            return reduce(lambda done, part: run([done, part]), parts)
         if not in_pieces:
             raise _StuckError
         return _Pair(in_pieces[0], exact, solids_in(in_pieces[0]) - bodies)

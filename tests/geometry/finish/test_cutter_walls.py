@@ -159,3 +159,15 @@ def test_sides_that_a_move_leaves_where_they_are_do_not_send_the_end_of_a_step_o
     bar, step = Primitive("box", (15.0, 40.0, 10.0)), extrude(6.0, rectangle(15.0, 12.0), (0.0, -16.0, 4.0))
     stepped = cut(bar, step)
     assert open_films(stepped, to_manifold(stepped)) == stepped
+
+
+def test_a_film_is_opened_as_far_as_there_is_room():
+    """Behind a gap of a third of a step the target goes on."""
+    front, back = Primitive("box", (50.0, 24.7, 12.0), (0.0, -2.65, 0.0)), Primitive("box", (50.0, 5.0, 12.0), (0.0, 12.5, 0.0))
+    body = Combine("union", Combine("union", front, back), Primitive("box", (50.0, 30.0, 2.0), (0.0, 0.0, -7.0)))
+    pocket = Primitive("box", (10.0, 8.0, 8.0), (0.0, 5.7, 2.0))
+    meant = cut(body, pocket)
+    closed = cut(body, replace(pocket, size=(10.0, 8.0 - HAIR, 8.0), center=(0.0, 5.7 - HAIR / 2, 2.0)))
+    opened = open_films(closed, to_manifold(meant))
+    assert volume_iou(to_manifold(opened), to_manifold(meant)) == pytest.approx(1, abs=1e-9)
+    assert opened != closed

@@ -50,6 +50,7 @@ from imdim.program.tree import Primitive, Program, leaves, replace_leaves
 FILM = 1e-3  # of the target's diagonal: the thickest that is taken for a film
 BEHIND = 1e-4  # of it, behind a wall, where a cutter that needs the wall takes something away
 REACH = 2e-2  # of it: a cutter goes on by the power of ten below that
+NEARER = 0.1  # of that, where there is no room for all of it
 STEPS = 4  # from there to where a film ends, at which the cutter may matter
 # points of a wall: along its curve, along the axis that it is swept along, and about the one that it is turned about
 ACROSS, ALONG, ABOUT = 8, 5, 12
@@ -86,6 +87,11 @@ class _Judge:
     size: float
     step: float
 
+    @property
+    def strides(self) -> list[float]:
+        """Steps to try, the farthest first; a film must lie within each."""
+        return [step for step in (self.step, NEARER * self.step) if step > FILM * self.size]
+
     @staticmethod
     def of(solid: Manifold) -> _Judge:
         corners = bounds_of(solid)
@@ -117,9 +123,11 @@ def _open_ends(program: Program, i: int, judge: _Judge) -> Program:
         leaf = list(leaves(program))[i]
         if length(leaf, face) < 4 * FILM * judge.size:
             continue
-        further = between(leaf, face, -length(leaf, face), judge.step)
-        if any(_look_beyond(program, i, [_end(leaf, face, judge)], judge).film) and judge.allows(program, i, further):
-            program = replace_leaves(program, {i: further})
+        for step in judge.strides:
+            further = between(leaf, face, -length(leaf, face), step)
+            if any(_look_beyond(program, i, [_end(leaf, face, judge)], judge, step).film) and judge.allows(program, i, further):
+                program = replace_leaves(program, {i: further})
+                break
     return program
 
 
@@ -150,11 +158,12 @@ def _open_wall(program: Program, i: int, k: int, judge: _Judge) -> Program:
     assert leaf.outline is not None
     ring = orient_loops(leaf.outline.loops)[k]
     assert not isinstance(ring, Ellipse)
-    seen = _look_beyond(program, i, [_wall(leaf, curve) for curve in ring_curves(ring)], judge)
-    for wider in _wider(ring, seen, judge.step):
-        redrawn = redraw_loop(leaf, k, wider)
-        if redrawn is not None and judge.allows(program, i, redrawn):
-            return replace_leaves(program, {i: redrawn})
+    walls = [_wall(leaf, curve) for curve in ring_curves(ring)]
+    for step in judge.strides:
+        for wider in _wider(ring, _look_beyond(program, i, walls, judge, step), step):
+            redrawn = redraw_loop(leaf, k, wider)
+            if redrawn is not None and judge.allows(program, i, redrawn):
+                return replace_leaves(program, {i: redrawn})
     return program
 
 
@@ -181,8 +190,8 @@ class _Seen:
     film: tuple[bool, ...]
 
 
-def _look_beyond(program: Program, i: int, walls: Sequence[_Wall], judge: _Judge) -> _Seen:
-    """What points tell of walls of cutter `i`."""
+def _look_beyond(program: Program, i: int, walls: Sequence[_Wall], judge: _Judge, step: float) -> _Seen:
+    """What points up to a `step` beyond them tell of walls of cutter `i`."""
     placed = _posed(program)
 
     def matters(which: Sequence[int], out: float) -> list[int]:
@@ -194,7 +203,7 @@ def _look_beyond(program: Program, i: int, walls: Sequence[_Wall], judge: _Judge
         return [k for k, shows in zip(which, np.split(found, ends), strict=True) if shows.any()]
 
     free = list(range(len(walls)))
-    for out in np.linspace(FILM * judge.size, judge.step, STEPS).tolist():
+    for out in np.linspace(FILM * judge.size, step, STEPS).tolist():
         stuck = matters(free, out)
         free = [k for k in free if k not in stuck]
     needed = matters(free, -BEHIND * judge.size)
@@ -318,8 +327,9 @@ def straighten_run(ring: Ring, first: int, count: int, step: float) -> Ring | No
 
 
 def _surround_run(ring: Ring, first: int, count: int, step: float) -> Ring:
-    """The ring with the box of the `count` curves from number `first`, larger by a step, in their place, which is entered and left along the
-    lines beside them, or the shortest way where an arc is beside them.
+    """The ring with the box of the `count` curves from number `first`, larger by a step, in their place.
+
+    It is entered and left along the lines beside them, or the shortest way where an arc is beside them.
 
     It takes in what reaches farther sideways than where the run begins and ends, such as an arc of more than half a turn.
     """
@@ -340,8 +350,10 @@ def _surround_run(ring: Ring, first: int, count: int, step: float) -> Ring:
 
 
 def _leave_box(box: np.ndarray, point: np.ndarray, beside: Curve, way: float) -> np.ndarray:
-    """Where the border of a box [2, 2] is met from a point [2] in it, along the curve beside it, passed forwards or back (`way`), if that is
-    a line, else the shortest way."""
+    """Where the border of a box [2, 2] is met from a point [2] in it.
+
+    Along the curve beside it, passed forwards or back (`way`), if that is a line, else the shortest way.
+    """
     x, y, u, v, bulge = beside
     ray = way * np.array([u - x, v - y])
     if bulge:
