@@ -321,7 +321,8 @@ def test_conditions_are_read():
     assert parse_condition("cloud+normals") == Condition(normals=True)
     assert parse_condition("noise=0.5%+outliers=2%+views=3") == Condition(noise=0.005, outliers=0.02, views=3)
     assert parse_condition("views=3+scanners") == Condition(views=3, scanners=True)
-    for wrong in ("clod", "noise", "views=9", "normals=1", "scanners"):
+    assert parse_condition("views=12+points=20000") == Condition(views=12, points=20000)
+    for wrong in ("clod", "noise", "views=13", "normals=1", "scanners", "points=0"):
         with pytest.raises(ValueError, match=wrong.split("=")[0]):
             parse_condition(wrong)
 
@@ -345,6 +346,14 @@ def test_one_view_sees_three_faces_of_a_box_and_not_into_a_blind_side():
     assert len(points) == 8192
     assert points.max(axis=1) == pytest.approx(0.5)
     assert points.min() > -0.5
+
+
+def test_twelve_views_see_all_faces_of_a_box_with_as_many_points_as_are_asked_for():
+    mesh = trimesh.creation.box((1, 1, 1))
+    points, _ = scan(mesh, Condition(views=12, points=3000), np.random.default_rng(0))
+    assert len(points) == 3000
+    for axis in range(3):
+        assert {-0.5, 0.5} <= set(np.unique(points[:, axis].round(9)))
 
 
 def test_a_cloud_of_views_says_where_it_was_seen_from(tmp_path):

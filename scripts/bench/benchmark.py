@@ -73,7 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument(
-        "--condition", default="mesh", help="mesh, cloud, normals, noise=0.5%%, outliers=2%%, views=3, scanners, joined by +"
+        "--condition", default="mesh", help="mesh, cloud, normals, noise=0.5%%, outliers=2%%, views=3, scanners, points=20000, joined by +"
     )
     parser.add_argument("--jobs", type=int, default=1, help="parts at a time, on a cluster too (default 1)")
     parser.add_argument("--address", default="", help="of a Ray cluster whose machines see this checkout under the same path")
