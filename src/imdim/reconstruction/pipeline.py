@@ -432,8 +432,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
             last = replace(last, program=_arrange(_round(last.program, seen, frame, fit_by, work.own), fit_by))
         else:
             last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
-        # rounding may part what met
-        last = replace(last, program=_open_films(last.program, seen, frame, fit_by) or last.program)
+        # rounding may part what met; where time was short it is worth more than relations to open what should be open
+        last = replace(last, program=_open_films(last.program, seen, frame, budget.end_of("relate")) or last.program)
         if (bounded := _solid_in(seen, frame)) is not None and not fit_by.has_passed():
             last = replace(last, program=join_bodies(last.program, bounded, fit_by))
     cut = seen.cut or fit_by.has_passed()

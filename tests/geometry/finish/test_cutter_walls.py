@@ -88,6 +88,15 @@ def test_a_film_is_opened(name):
     assert further.kind == cutter.kind
 
 
+@pytest.mark.parametrize("hair", [1e-3, 1e-4, 1e-5])
+def test_the_thinnest_films_are_opened_too(name, hair):
+    """Down to where faces only just meet, which is for `overshoot`."""
+    meant = to_manifold(programs(name, -2.0))
+    opened = open_films(programs(name, hair), meant)
+    assert opened != programs(name, hair)
+    assert volume_iou(to_manifold(opened), meant) == pytest.approx(1, abs=1e-9)
+
+
 def test_a_wall_that_is_meant_stays(name):
     thin = programs(name, HAIR)
     assert open_films(thin, to_manifold(thin)) is thin

@@ -57,7 +57,7 @@ ACROSS, ALONG, ABOUT = 8, 5, 12
 LEANING = 0.3  # least cosine between a line that is prolonged and the way out
 OWN = 0.1  # of what a move takes away: the share that may be the target's, whose facets lie inside its curves
 SHOWS = 2e-3  # of the target's surface: the two sides of a film that is worth more curves
-INSIDE = (1e-3, 1e-2, 0.05, 0.2, 0.5)  # of FILM, out of a wall: where a film shows
+INSIDE = (1e-5, 1e-4, 1e-3, 1e-2, 0.05, 0.2, 0.5)  # of FILM, out of a wall: where a film shows
 MORE_CURVES = 2  # that opening a film may take
 STAYS = 1e-3  # of a step: a wall that has moved by less is where it was
 
