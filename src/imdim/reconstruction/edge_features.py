@@ -23,11 +23,12 @@ from imdim.geometry.blended_edge import BlendedEdge
 from imdim.geometry.edge_solids import sweep_blends
 from imdim.geometry.edges import find_edges
 from imdim.geometry.faces import carrier
+from imdim.geometry.kernels import program_sdf
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import mesh_to_manifold, to_manifold
 from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
 from imdim.program.edges import EdgeFeature, Face, describe_size, faces_of, name_edges
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.target.target import Frame, Target, with_mesh
 
 NEAR = 0.05  # of a blend's size, and
@@ -117,7 +118,7 @@ def find_edge_features(program: Program, chains: Sequence[Chain], target: Target
     if not chains or target.mesh is None:
         return EdgesFound((), ())
     wanted, solid = mesh_to_manifold(target.mesh), to_manifold(program)
-    faces = list(_faces(program))
+    faces, parts = list(_faces(program)), list(leaves(program))
     features: list[EdgeFeature] = []
     left_out: list[str] = []
     taken: list[BlendedEdge] = []
@@ -126,7 +127,7 @@ def find_edge_features(program: Program, chains: Sequence[Chain], target: Target
         edges: list[tuple[Face, Face]] = []
         lost = 0
         for chain in group:
-            pairs = list(dict.fromkeys(pair for blend in chain.blends for pair in _pairs(blend, chain, faces, target)))
+            pairs = list(dict.fromkeys(pair for blend in chain.blends for pair in _pairs(blend, chain, faces, parts, target)))
             found = _borne_out(program, solid, wanted, EdgeFeature(chain.kind, sizes, tuple(pairs)) if pairs else None, taken)
             edges += found
             lost += not found
@@ -174,21 +175,37 @@ def _faces(program: Program) -> Iterator[tuple[Face, Surface]]:
                 yield Face(i, name), surface
 
 
-def _pairs(blend: Blend, chain: Chain, faces: Sequence[tuple[Face, Surface]], target: Target) -> Iterator[tuple[Face, Face]]:
-    """Pairs of the program's faces between which a blend may lie, those of one leaf first; the one along which it is smaller first."""
+def _pairs(
+    blend: Blend, chain: Chain, faces: Sequence[tuple[Face, Surface]], parts: Sequence[Primitive], target: Target
+) -> Iterator[tuple[Face, Face]]:
+    """Pairs of the faces of a program of these `parts` between which a blend may lie; the one along which it is smaller first.
+
+    Of faces on one surface those come first that reach as far as the blend, for others part from it when a number changes, then those of
+    one leaf.
+    """
     assert target.mesh is not None
     slack = NEAR * max(chain.sizes) + NEAR_PART * float(np.linalg.norm(target.mesh.extents))
-    beside = [[face for face, surface in faces if _is_beside(surface, side, blend.corners, slack)] for side in blend.sides[:2]]
+    beside: list[dict[Face, bool]] = []
+    for side in blend.sides[:2]:
+        there = _along_side(side, blend.corners, slack)
+        found = [face for face, surface in faces if _is_beside(surface, side, there, slack)]
+        # a blend may go on beyond the end of a face, round a corner
+        beside.append({face: bool(np.median(np.abs(program_sdf(parts[face.leaf], there))) <= slack) for face in found})
     if blend.sizes[0] > blend.sizes[-1]:
         beside.reverse()
-    pairs = [(one, two) for one in beside[0] for two in beside[1] if one != two]
-    yield from sorted(pairs, key=lambda p: p[0].leaf != p[1].leaf)
+    one, two = beside
+    pairs = [(a, b) for a in one for b in two if a != b]
+    yield from sorted(pairs, key=lambda p: (one[p[0]] + two[p[1]], p[0].leaf == p[1].leaf), reverse=True)
 
 
-def _is_beside(surface: Surface, side: Surface, corners: np.ndarray, slack: float) -> bool:
-    """Whether a face of the program lies where a blend's side does, by the corners of the blend on that side."""
+def _along_side(side: Surface, corners: np.ndarray, slack: float) -> np.ndarray:
+    """Those corners of a blend that lie on a side of it."""
     off = np.abs(signed_distance(side, corners))
-    there = corners[off <= off.min() + slack / 2]
+    return corners[off <= off.min() + slack / 2]
+
+
+def _is_beside(surface: Surface, side: Surface, there: np.ndarray, slack: float) -> bool:
+    """Whether a face of the program lies where a blend's side does, by the corners of the blend on that side."""
     if (np.abs(signed_distance(surface, there)) > slack).any():
         return False
     return bool((np.abs((normals(surface, there) * normals(side, there)).sum(1)) > ALIGNED).all())
