@@ -54,12 +54,12 @@ class Stage(NamedTuple):
 def write_stages(program: Program, path: Path, edges: PlacedEdges, names: PartNames | None = None) -> Iterator[Stage]:
     """Write a file as `write_step` does, first with all edges sharp and then, if it has any, another in its place; what each is."""
     names = names or PartNames.of(program)
-    back: dict[int, Any] = {}  # what is read back, by the shape that was written last
+    tried = read = None  # the shape that was written last, and what is read back of it
 
     def survives(shape: Any) -> bool:
-        back.clear()
-        back[id(shape)] = _write(shape, path, program, names)
-        return back[id(shape)] is not None
+        nonlocal tried, read
+        tried, read = shape, _write(shape, path, program, names)
+        return read is not None
 
     try:
         shape = to_shape(program, survives=survives)
@@ -67,7 +67,7 @@ def write_stages(program: Program, path: Path, edges: PlacedEdges, names: PartNa
         path.unlink(missing_ok=True)
         raise
     # a later try that was worse may lie in its place
-    written = back[id(shape)] if id(shape) in back else _write(shape, path, program, names)
+    written = read if tried is shape else _write(shape, path, program, names)
     if not edges.edges:
         yield Stage(shape_volume(written, INTEGRATION_ERROR), Blending())
         return
