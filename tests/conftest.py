@@ -1,10 +1,15 @@
 """How several workers share the tests: file by file, those that take longest first, and the page's tests by one, whose server, browser and
-reconstructed part they share."""
+reconstructed part they share. And what tests of many folders ask for."""
 
 from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+
+import pytest
+
+from imdim.export import step_worker
+from imdim.export.step import StepError
 
 TESTS = Path(__file__).parent
 PAGE = "tests/app/lab/page/"
@@ -63,3 +68,13 @@ def pytest_xdist_make_scheduler(config, log):
             return PAGE if nodeid.startswith(PAGE) else nodeid.partition("::")[0]
 
     return Scheduler(config, log)
+
+
+@pytest.fixture
+def without_step(monkeypatch):
+    """For results whose STEP file a test does not look at: OpenCASCADE takes a second of the processor to load for each."""
+
+    def refuse():
+        raise StepError("this test does without")
+
+    monkeypatch.setattr(step_worker, "start_worker", refuse)

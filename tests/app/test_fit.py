@@ -32,6 +32,7 @@ from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive, Program
 from imdim.reconstruction.config import LANGUAGES, MEANINGS, OBJECTIVES, Settings, from_hydra
 
+pytestmark = pytest.mark.usefixtures("without_step")
 ROOT = Path(__file__).parents[2]
 BOX = Primitive("box", (1.0, 2.0, 3.0))
 REPORT = {

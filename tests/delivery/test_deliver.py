@@ -65,14 +65,16 @@ def test_the_folder_holds_every_file(delivered):
     assert loads((folder / "program.json").read_text()) == finish_flat(PROGRAM)
 
 
+@pytest.mark.usefixtures("without_step")
 def test_late_results_are_the_program_as_it_was_found(target, tmp_path):
-    report = deliver(PROGRAM, target, tmp_path / "late", RUN, step_limit_s=0.1, finish_by=PASSED)
+    report = deliver(PROGRAM, target, tmp_path / "late", RUN, finish_by=PASSED)
     assert loads((tmp_path / "late" / "program.json").read_text()) == round_program(PROGRAM) != finish_flat(PROGRAM)
     assert report["found"]["iou_with_delivered"] == pytest.approx(1, abs=1e-6)
 
 
+@pytest.mark.usefixtures("without_step")
 def test_a_program_that_cannot_be_named_in_time_is_the_one_that_was_found(target, tmp_path, delivered):
-    report = deliver(PROGRAM, target, tmp_path / "nameless", RUN, step_limit_s=0.1, name_by=PASSED)
+    report = deliver(PROGRAM, target, tmp_path / "nameless", RUN, name_by=PASSED)
     assert loads((tmp_path / "nameless" / "program.json").read_text()) == round_program(PROGRAM)
     assert report["parameters"] == {}
     assert delivered[1]["parameters"]
@@ -80,11 +82,12 @@ def test_a_program_that_cannot_be_named_in_time_is_the_one_that_was_found(target
     assert report["scores"]["volume_iou"] == pytest.approx(delivered[1]["scores"]["volume_iou"], abs=1e-6)
 
 
+@pytest.mark.usefixtures("without_step")
 def test_a_late_picture_is_a_coarser_one(target, tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(module, "preview", lambda *given: asked.append(given[-1]) or Image.new("RGB", (1, 1)))
-    deliver(PROGRAM, target, tmp_path / "late", RUN, step_limit_s=0.1, draw_by=PASSED)
-    deliver(PROGRAM, target, tmp_path / "in time", RUN, step_limit_s=0.1)
+    deliver(PROGRAM, target, tmp_path / "late", RUN, draw_by=PASSED)
+    deliver(PROGRAM, target, tmp_path / "in time", RUN)
     assert asked == [1, 2]
 
 
@@ -132,9 +135,10 @@ def test_the_report_says_what_became_of_the_surface(delivered, tmp_path):
         assert picture.width == 4 * (PANEL + GAP)
 
 
+@pytest.mark.usefixtures("without_step")
 def test_what_the_result_lacks_is_named(tmp_path):
     part = target_from(mesh_of(cut(box(60, 40, 6), cylinder(3, 20, (-22, 0, 0)), cylinder(8, 20, (15, 0, 0)))))
-    report = deliver(box(60, 40, 6), part, tmp_path / "out", RUN, step_limit_s=0.1)
+    report = deliver(box(60, 40, 6), part, tmp_path / "out", RUN)
     regions = report["verdict"]["regions"]
     assert {region["verdict"] for region in regions} == {"left out"}
     assert sum(region["share"] for region in regions) == pytest.approx(report["verdict"]["shares"]["left out"], abs=1e-3)
@@ -166,6 +170,7 @@ def test_no_step_is_reported_and_an_earlier_one_does_not_stay(delivered, target,
     assert not (tmp_path / "out" / "program.step").exists()
 
 
+@pytest.mark.usefixtures("without_step")
 def test_a_failure_leaves_the_earlier_results(target, tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.json").write_text("earlier")
@@ -195,6 +200,7 @@ def test_a_cloud_and_a_tiny_part(tmp_path):
     assert report["files"]["program.step"].startswith("skipped: ")
 
 
+@pytest.mark.usefixtures("without_step")
 def test_constraints_are_delivered_as_they_hold_for_the_delivered_numbers(tmp_path):
     """Holes that end flush with the plate overshoot; the file says by how much, and its names are those of the report."""
     part = cut(box(40, 30, 6), *(cylinder(3, 6, (x, 0.0, 0.0)) for x in (-12.0, 12.0)))
@@ -211,6 +217,7 @@ def test_constraints_are_delivered_as_they_hold_for_the_delivered_numbers(tmp_pa
     assert report["scores"]["volume_iou"] > 0.999
 
 
+@pytest.mark.usefixtures("without_step")
 def test_the_report_tells_what_delivery_kept(delivered, target, tmp_path, monkeypatch):
     _, report = delivered
     assert report["found"]["volume_iou"] == pytest.approx(report["scores"]["volume_iou"], abs=1e-6)
@@ -223,6 +230,7 @@ def test_the_report_tells_what_delivery_kept(delivered, target, tmp_path, monkey
     assert "  delivered differs from found: IoU 0.5000\n" in summary(report, tmp_path)
 
 
+@pytest.mark.usefixtures("without_step")
 def test_what_is_not_looked_at_is_told(tmp_path, monkeypatch):
     """A sieve has more round walls than holes are looked for among."""
     for user in ("imdim.geometry.holes", "imdim.delivery.report"):
@@ -230,7 +238,7 @@ def test_what_is_not_looked_at_is_told(tmp_path, monkeypatch):
     rectangle = ((-100.0, -100.0, 0.0), (100.0, -100.0, 0.0), (100.0, 100.0, 0.0), (-100.0, 100.0, 0.0))
     rings = [circle(2.0, 10.0 * i - 85, 10.0 * j - 85) for i in range(6) for j in range(6)]
     sieve = Primitive("extrude", (3.0,), outline=Outline((rectangle, *rings)))
-    report = deliver(sieve, target_from(mesh_of(sieve, 8)), tmp_path / "out", RUN, 8, step_limit_s=0.1)
+    report = deliver(sieve, target_from(mesh_of(sieve, 8)), tmp_path / "out", RUN, 8)
     assert report["holes"] == []
     assert report["left_out"] == ["holes were not looked for: 36 round walls, more than 30"]
     assert "  holes were not looked for: 36 round walls, more than 30\n" in summary(report, tmp_path / "out")

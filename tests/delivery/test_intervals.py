@@ -74,8 +74,9 @@ def test_remarks_stand_above_snapped_names_and_change_no_number():
     assert read_openscad(remarked) == read_openscad(text)
 
 
+@pytest.mark.usefixtures("without_step")
 def test_the_report_states_them_of_noisy_clouds_alone(tmp_path):
-    deliver(PLATE, noisy(PLATE), tmp_path / "noisy", RunRecord("plate.xyz", {}, "finished", 0, noisy=True), step_limit_s=0.0)
+    deliver(PLATE, noisy(PLATE), tmp_path / "noisy", RunRecord("plate.xyz", {}, "finished", 0, noisy=True))
     report = json.loads((tmp_path / "noisy/report.json").read_text())
     # the program is the part, so that whatever is stated holds it but for one time in twenty
     stated = report["intervals"]
@@ -83,4 +84,4 @@ def test_the_report_states_them_of_noisy_clouds_alone(tmp_path):
     assert stated["plate_length"]["says"].startswith("60 (measured ")
     assert f"// {stated['plate_length']['says']}\n" in (tmp_path / "noisy/program.scad").read_text()
     exact = target_from(to_trimesh(to_manifold(PLATE)))
-    assert "intervals" not in deliver(PLATE, exact, tmp_path / "exact", RunRecord("plate.stl", {}, "finished", 0), step_limit_s=0.0)
+    assert "intervals" not in deliver(PLATE, exact, tmp_path / "exact", RunRecord("plate.stl", {}, "finished", 0))

@@ -21,6 +21,7 @@ def shaken(share: float) -> np.ndarray:
     return target.points[points] + share * np.linalg.norm((40, 30, 10)) * rng.standard_normal((len(points), 3))
 
 
+@pytest.mark.usefixtures("without_step")
 @pytest.mark.parametrize(
     ("part", "of_points", "of_mesh"),
     [(mesh_of(PART), 0, 1), (shaken(0.0), 1, 0), (shaken(3e-3), 1, 0)],
@@ -40,7 +41,7 @@ def test_noise_is_measured_once_in_a_whole_fit(part, of_points, of_mesh, tmp_pat
     monkeypatch.setattr(surface_elements, "measure_noise", count("points", measure_noise))
     monkeypatch.setattr(observation, "measure_mesh_noise", count("mesh", observation.measure_mesh_noise))
     result = imdim.reconstruct(part, imdim.Settings(budget_s=4.0, evolution=False, checkpoint="none"), seed=0)
-    report = result.save(tmp_path / "out", step_limit_s=0.0)
+    report = result.save(tmp_path / "out")
     assert calls == {"points": of_points, "mesh": of_mesh}
     assert report["verdict"]
 
