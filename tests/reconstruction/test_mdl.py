@@ -1,6 +1,7 @@
 """Noisy clouds through the pipeline: judged by how likely they are, whatever the cells say."""
 
 from dataclasses import replace
+from itertools import count as count_up
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,6 +23,8 @@ from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
 from imdim.reconstruction.observation import UnitBody, UnseenError, observe
 from imdim.reconstruction.pipeline import reconstruct
 from imdim.target.target import InputError, in_unit_frame, sample_surface, target_from
+
+LOOKS = 100  # at the clock, a sixth of a search
 
 
 def cloud(program, share=0.006, n=900, outliers=0.0, seed=0):
@@ -46,10 +49,16 @@ def told(starts, points, *times, drawn=False, anew=True):
     return frame.undo(most_likely([frame.apply(p) for p in starts], seen, *times, drawn=drawn, anew=anew).program)
 
 
-@pytest.mark.parametrize(("name", "share"), [("L bracket", 0.006), ("plate with four holes", 0.003)])
-def test_a_planted_part_comes_back_from_noise_and_strays(name, share):
+def both_after(looks):
+    """Deadlines of the search and of its numbers, that pass when one of them was looked at so many times."""
+    seconds = count_up()
+    return (Deadline(looks, lambda: next(seconds)),) * 2
+
+
+@pytest.mark.parametrize(("name", "share", "n"), [("L bracket", 0.006, 600), ("plate with four holes", 0.003, 900)])
+def test_a_planted_part_comes_back_from_noise_and_strays(name, share, n):
     truth = PARTS[name]
-    *_, last = reconstruct(target_from(cloud(truth, share, outliers=0.02)), Settings(checkpoint="none"), np.random.default_rng(0))
+    *_, last = reconstruct(target_from(cloud(truth, share, n, outliers=0.02)), Settings(checkpoint="none"), np.random.default_rng(0))
     assert volume_iou(to_manifold(last.program), to_manifold(truth)) >= 0.96
     assert count(last.program).primitives <= 1.5 * count(truth).primitives
     assert not last.proof
@@ -60,10 +69,13 @@ def test_a_turned_part_in_noise_is_one_outline_unless_csg_is_asked_for():
     truth = Primitive("revolve", (360.0,), (3.0, -2.0, 5.0), (90.0, 0.0, 0.0), profile)
     seen, frame = seen_of(cloud(truth, 0.005, n=700, outliers=0.02))
     start = [Primitive("box", (0.1, 0.1, 0.1))]
-    drawn, plain = (frame.undo(most_likely(start, seen, NEVER, drawn=allowed).program) for allowed in (True, False))
+    drawn = frame.undo(most_likely(start, seen, NEVER, drawn=True, anew=False).program)
+    plain = most_likely(start, seen, *both_after(LOOKS), drawn=False).program
+    early = most_likely(start, seen, *both_after(LOOKS), drawn=True).program
     assert [leaf.kind for leaf in leaves(drawn)] == ["revolve"]
     assert volume_iou(to_manifold(drawn), to_manifold(truth)) > 0.975
     assert all(leaf.outline is None for leaf in leaves(plain))
+    assert [leaf.kind for leaf in leaves(early)] == ["revolve"], "where it may be drawn it is before that"
 
 
 def test_strays_do_not_widen_the_body():
@@ -99,7 +111,7 @@ def test_all_points_fit_the_numbers_and_weigh_them_even_where_time_is_out(monkey
 
 def test_what_detection_missed_is_seen_in_the_points():
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
-    found = told([box(40, 30, 8)], cloud(truth), NEVER)
+    found = told([box(40, 30, 8)], cloud(truth, n=600), NEVER, anew=False)
     assert count(found).primitives == 3
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
@@ -121,6 +133,7 @@ def test_searches_start_from_one_part_of_each_kind_and_from_a_program_and_the_sh
 def test_without_evolution_nothing_is_looked_for_anew(evolution, monkeypatch):
     asked = []
     monkeypatch.setattr(mdl._NoisyCloud, "_rebuild", lambda self, best, *_: asked.append(1) or best)
+    monkeypatch.setattr(mdl, "shorten", lambda *_, **__: iter(()))
     settings = Settings(checkpoint="none", evolution=evolution, budget_s=60.0)
     *_, last = reconstruct(target_from(cloud(box(40, 30, 8))), settings, np.random.default_rng(0))
     assert asked == [1] * evolution
@@ -131,7 +144,7 @@ def test_what_two_wrong_parts_explain_together_is_taken_out_and_looked_for_anew(
     """A search that adds one part to one finds the rib, and nothing where two posts stand for its ends."""
     plate, rib = box(60, 40, 4), box(60, 4, 18, (0.0, 8.0, 7.0))
     truth, wrong = union(plate, rib), union(union(plate, box(20, 6, 18, (-20.0, 8.0, 7.0))), box(20, 6, 18, (20.0, 8.0, 7.0)))
-    noisy = mdl._NoisyCloud.of(cloud(truth, 0.004, n=3000), 0.29, np.eye(3), drawn=False)
+    noisy = mdl._NoisyCloud.of(cloud(truth, 0.004, n=1000), 0.29, np.eye(3), drawn=False)
     start, best = (mdl._fit(program, noisy.quick, noisy._noise, NEVER) for program in (wrong, truth))
     begun = []
 
@@ -235,7 +248,7 @@ def test_where_time_cuts_the_first_searches_the_most_promising_goes_on_beside_th
 
 def test_what_is_too_much_goes_and_relations_hold():
     truth = union(box(40, 30, 8), box(20, 30, 16, (10.0, 0.0, 12.0)))
-    found = told([union(truth, box(3, 3, 8.4, (-14.0, 9.0, 0.0)))], cloud(truth), NEVER)
+    found = told([union(truth, box(3, 3, 8.4, (-14.0, 9.0, 0.0)))], cloud(truth), NEVER, anew=False)
     assert count(found).primitives == 2
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
@@ -248,6 +261,7 @@ def test_where_detection_tells_no_inside_there_is_an_answer_still(monkeypatch):
 
     truth = box(40, 30, 10)
     monkeypatch.setattr(pipeline, "observe", blind)
+    monkeypatch.setattr(mdl, "shorten", lambda *_, **__: iter(()))  # a start is an answer
     *_, last = reconstruct(target_from(cloud(truth)), Settings(checkpoint="none"), np.random.default_rng(0))
     assert volume_iou(to_manifold(last.program), to_manifold(truth)) > 0.8
     assert last.error == 1.0
