@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imdim.geometry import kernels
 from imdim.geometry.finish import active_zone
 from imdim.geometry.finish.active_zone import change_with, matters
 from imdim.geometry.finish.posed import PosedPrimitive
@@ -33,6 +34,14 @@ def test_a_part_matters_where_no_other_has_material():
     assert not asked(joined, 1, IN_THE_HOLE)
     assert asked(joined, 1, ABOVE)
     assert not asked(Combine("intersection", joined, HOLE), 1, ABOVE)
+
+
+def test_whole_numbers_ask_for_no_kernel_of_their_own():
+    """It would be compiled for twelve seconds where a program that is written in Python has them."""
+    assert asked(Combine("union", PLATE, BLOCK), 1, ABOVE)
+    before = {*kernels._program_inside.signatures}
+    assert asked(Combine("union", Primitive("box", (10, 10, 2)), Primitive("box", (4, 4, 4), (0, 0, 3))), 1, ABOVE)
+    assert {*kernels._program_inside.signatures} == before
 
 
 @pytest.mark.parametrize("probed", [True, False])

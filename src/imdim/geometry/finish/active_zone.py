@@ -36,7 +36,7 @@ def matters_at(program: Program, placed: list[PosedPrimitive], index: int, point
     size, k = diagonal(placed), int(held)
     kinds = np.array([KINDS.index(part.leaf.kind) for part in placed])
     kinds[index] = KINDS.index("sphere")
-    centers = np.array([part.leaf.center for part in placed])
+    centers = np.array([part.leaf.center for part in placed], float)
     rotations = np.stack([part.rotation for part in placed])
     sizes, outlines = np.stack([part.sizes[k] for part in placed]), Outlines.pack([part.outlines[k] for part in placed])
     reach = size + np.ptp(points, axis=0).sum() if len(points) else size

@@ -52,7 +52,7 @@ class PosedPrimitive:
             held = (*held[:-1], size[-1])
         elif self.leaf.kind == "torus":
             held = (size[0], max(size[1] - (1 - INSCRIBED) * sum(size), 1e-9 * size[1]))
-        return np.array([(*s, 0.0, 0.0)[:3] for s in (size, held)])
+        return np.array([(*s, 0.0, 0.0)[:3] for s in (size, held)], float)
 
     @cached_property
     def outlines(self) -> tuple[Outline | None, Outline | None]:
