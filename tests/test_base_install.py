@@ -1,11 +1,13 @@
 """What `pip install imdim` brings is enough for meshes: the extra [learn] is asked for only by what learns, and in one line."""
 
+import json
 import re
 import subprocess
 import sys
 import tomllib
 from importlib.metadata import distribution
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from packaging.requirements import Requirement
@@ -25,6 +27,32 @@ def run(script, *arguments):
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
 
 
+class Ended(NamedTuple):
+    """A command that one process ran after others: how it ended and what it said."""
+
+    status: int
+    out: str
+    error: str
+
+
+# most of the time a command loads what it needs
+ALL = """
+import io, json
+from contextlib import redirect_stderr, redirect_stdout
+from imdim.app.cli import main
+for words in json.loads(sys.argv[1]):
+    with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as error:
+        status = main(words)
+    print(json.dumps([status, out.getvalue(), error.getvalue()]))
+"""
+
+
+def run_all(*commands):
+    ran = run(f"exec({ALL!r})", json.dumps([[*map(str, words)] for words in commands]))
+    assert ran.returncode == 0, ran.stderr
+    return [Ended(*json.loads(line)) for line in ran.stdout.splitlines()]
+
+
 @pytest.fixture(scope="module")
 def plate(tmp_path_factory):
     path = tmp_path_factory.mktemp("part") / "plate.stl"
@@ -33,22 +61,25 @@ def plate(tmp_path_factory):
 
 
 def test_a_mesh_is_fitted_edited_and_exported_without_torch(plate, tmp_path):
-    script = "from imdim.app.cli import main; sys.exit(main(sys.argv[1:]))"
-    fitted = run(script, "fit", plate, "-o", tmp_path / "out")
-    assert fitted.returncode == 0, fitted.stderr
-    assert re.search(r"volume IoU (1\.0000|0\.9999)", fitted.stdout)
-    names = run(script, "edit", tmp_path / "out", "--list").stdout
-    name = re.search(r"^\w*hole_diameter\b", names, re.MULTILINE)[0]
-    edited = run(script, "edit", tmp_path / "out", "--set", f"{name}=8", "-o", tmp_path / "wider")
-    assert "in kind as before: 1 body, 2 through-holes" in edited.stdout, edited.stderr
-    assert run(script, "export", tmp_path / "out", "--pick", "1", "-o", tmp_path / "simple").returncode == 0
+    (out, wider, simple), name = (tmp_path / folder for folder in ("out", "wider", "simple")), "hole_diameter"
+    fitted, listed, edited, exported = run_all(
+        ["fit", plate, "-o", out],
+        ["edit", out, "--list"],
+        ["edit", out, "--set", f"{name}=8", "-o", wider],
+        ["export", out, "--pick", "1", "-o", simple],
+    )
+    assert fitted.status == 0, fitted.error
+    assert re.search(r"volume IoU (1\.0000|0\.9999)", fitted.out)
+    assert re.search(rf"^{name}\b", listed.out, re.MULTILINE)
+    assert "in kind as before: 1 body, 2 through-holes" in edited.out, edited.error
+    assert exported.status == 0
 
 
-@pytest.mark.parametrize("setting", ["method=policy", "method=stump-net", "logdir=runs", "checkpoint=a.safetensors"])
-def test_what_needs_torch_says_what_to_install(plate, tmp_path, setting):
-    done = run("from imdim.app.cli import main; sys.exit(main(sys.argv[1:]))", "fit", plate, setting, "-o", tmp_path / "out", "--quiet")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert re.fullmatch(r"imdim: .* needs torch.*: .*pip install .*\[learn\]\"\n", done.stderr)
+def test_what_needs_torch_says_what_to_install(plate, tmp_path):
+    settings = ("method=policy", "method=stump-net", "logdir=runs", "checkpoint=a.safetensors")
+    for done in run_all(*(["fit", plate, setting, "-o", tmp_path / "out", "--quiet"] for setting in settings)):
+        assert (done.status, done.out) == (2, "")
+        assert re.fullmatch(r"imdim: .* needs torch.*: .*pip install .*\[learn\]\"\n", done.error)
 
 
 @pytest.mark.parametrize("script", ["pretrain", "reinforce", "infer"])

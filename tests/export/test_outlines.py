@@ -32,7 +32,7 @@ from imdim.program.outline import Outline, circle, rectangle
 from imdim.program.tree import Combine, Primitive, leaves
 from imdim.target.target import target_from
 
-SEGMENTS = 64
+SEGMENTS = 32
 EXACT = 1e-9
 
 
@@ -41,7 +41,7 @@ def test_openscad_text_reads_back(name):
     program, exact = OUTLINED_PARTS[name]
     read = read_openscad(to_openscad(program))
     assert list(leaves(read)) == list(leaves(round_program(program)))
-    assert volume(read, 1024) == pytest.approx(exact, rel=1e-4)
+    assert volume(read, 512) == pytest.approx(exact, rel=1e-4)
 
 
 @pytest.mark.tool
@@ -171,7 +171,7 @@ def bounds(shape) -> np.ndarray:
 
 
 def manifold_bounds(program) -> np.ndarray:
-    return np.array(to_manifold(program, 1024).bounding_box()).reshape(2, 3)
+    return np.array(to_manifold(program, 512).bounding_box()).reshape(2, 3)
 
 
 # --- names, edits, delivery
@@ -189,20 +189,20 @@ def test_every_delivered_part_is_the_same_solid(name):
     program, exact = OUTLINED_PARTS[name]
     delivered = opened(program)
     assert set(delivered.texts) == {"program.scad", "program.py", "program.cq.py", "program.FCMacro"}
-    assert volume(delivered.program, 1024) == pytest.approx(exact, rel=1e-4)
+    assert volume(delivered.program, 512) == pytest.approx(exact, rel=1e-4)
     assert meanings(delivered)  # a full turn cannot be probed upwards
 
 
 def test_an_edit_changes_the_height_of_an_extrusion_and_the_angle_of_a_turn():
     delivered = opened(PLATE)
     thick = change_values(delivered, {"plate_thickness": 12.0})
-    assert volume(thick.program, 1024) == pytest.approx(3 * OUTLINED_PARTS["plate"][1], rel=1e-4)
+    assert volume(thick.program, 512) == pytest.approx(3 * OUTLINED_PARTS["plate"][1], rel=1e-4)
     assert "plate_thickness = 12;" in thick.texts["program.scad"]
     assert "extruded(plate_thickness, " in thick.texts["program.cq.py"]
     bend = opened(BEND)
     angle = next(name for name in bend.values if name.endswith("angle"))
     half = change_values(bend, {angle: 180.0})
-    assert volume(half.program, 1024) == pytest.approx(2 * OUTLINED_PARTS["bend"][1], rel=1e-4)
+    assert volume(half.program, 512) == pytest.approx(2 * OUTLINED_PARTS["bend"][1], rel=1e-4)
     with pytest.raises(EditError, match="at most 360"):
         change_values(bend, {angle: 361.0})
     assert meanings(bend)[angle] == f"degrees of the turn of {bend.labels[0]} #0"
@@ -216,7 +216,7 @@ def test_a_cut_through_a_thicker_plate_goes_along():
     )
     delivered = opened(upright)
     thick = change_values(delivered, {"plate_thickness": 12.0})
-    assert volume(thick.program, 1024) == pytest.approx(3 * OUTLINED_PARTS["slotted"][1], rel=1e-4)
+    assert volume(thick.program, 512) == pytest.approx(3 * OUTLINED_PARTS["slotted"][1], rel=1e-4)
 
 
 def test_an_outline_changed_by_hand_is_noticed():

@@ -38,7 +38,7 @@ def test_a_rounded_plate_with_a_slot_is_two_drawings_and_its_hole(angles):
     program = turned(cut(rounded_plate(), cylinder(2, 8, (30, 0, 0)), *slot(20, 4, 8, (-5, 10, 0))), angles)
     drawn = draw_rounded(program)
     assert sorted(leaf.kind for leaf in leaves(drawn)) == ["cylinder", "extrude", "extrude"]
-    assert volume_iou(to_manifold(drawn, 768), to_manifold(program, 768)) > 1 - 1e-5
+    assert volume_iou(to_manifold(drawn, 192), to_manifold(program, 192)) > 1 - 1e-5
 
 
 def test_it_lies_as_a_person_would_draw_it():
@@ -54,7 +54,7 @@ def test_slots_of_either_way_are_drawn_and_bars_with_round_ends_are_not(upright)
     program = cut(box(60, 60, 4), *slot(20, 4, 6, upright=upright))
     drawn = draw_rounded(program)
     assert [leaf.kind for leaf in leaves(drawn)] == ["box", "extrude"]
-    assert volume_iou(to_manifold(drawn, 768), to_manifold(program, 768)) > 1 - 1e-5
+    assert volume_iou(to_manifold(drawn, 192), to_manifold(program, 192)) > 1 - 1e-5
     bar = union(box(9, 9, 30), *slot(20, 4, 6, upright=upright))
     assert draw_rounded(bar) is bar
     # what is not cut out is joined
@@ -71,7 +71,7 @@ def test_two_slots_may_share_a_cut_with_a_bridge_across_it(place, angles):
         program = turned(cut(box(90, 30, 4), *cuts), angles)
         drawn = draw_rounded(program)
         assert [leaf.kind for leaf in leaves(drawn)] == ["box", "extrude", "extrude"]
-        assert volume_iou(to_manifold(drawn, 768), to_manifold(program, 768)) > 1 - 1e-5
+        assert volume_iou(to_manifold(drawn, 192), to_manifold(program, 192)) > 1 - 1e-5
 
 
 @pytest.mark.parametrize(
@@ -99,4 +99,4 @@ def test_a_drawing_is_cut_where_it_was():
     program = union(box(10, 10, 40, (0, 40, 0)), lug)
     drawn = draw_rounded(program)
     assert sorted(leaf.kind for leaf in leaves(drawn)) == ["box", "extrude", "extrude"]
-    assert volume_iou(to_manifold(drawn, 768), to_manifold(program, 768)) > 1 - 1e-5
+    assert volume_iou(to_manifold(drawn, 192), to_manifold(program, 192)) > 1 - 1e-5
