@@ -1,6 +1,7 @@
 """Verdicts on clouds whose points lie near a surface that is not the part's: the truth is planted, and never shown to the verdict."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -108,7 +109,7 @@ def test_a_boss_in_the_air_is_told():
     assert found.explanation.bare == pytest.approx((2 * np.pi * 9 * 16 + np.pi * 81) / whole, abs=0.05)
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
 def test_the_scale_does_not_matter(scale):
     points = cloud_of(KNOB, "noise=0.4%") * scale
     answer = cut(
@@ -120,6 +121,7 @@ def test_the_scale_does_not_matter(scale):
     assert told.shown_gain == pytest.approx(explain_at_one().shown_gain, abs=0.02)
 
 
+@cache
 def explain_at_one():
     points = cloud_of(KNOB, "noise=0.4%")
     noise, kept = measure_noise(points, np.random.default_rng(0))

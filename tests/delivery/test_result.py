@@ -44,8 +44,9 @@ def test_a_path_is_reconstructed(found, part):
     assert len(repr(found)) < 100
 
 
+@pytest.mark.usefixtures("without_step")
 def test_the_results_folder_is_that_of_the_command(found, part, tmp_path):
-    report = found.save(tmp_path / "out", step_limit_s=0.0)
+    report = found.save(tmp_path / "out")
     assert report == json.loads((tmp_path / "out" / "report.json").read_text())
     assert (report["input"], report["seed"], report["scores"]["volume_iou"]) == (str(part), 3, pytest.approx(1.0, abs=1e-3))
     assert report["timing"]["stages_s"] == pytest.approx(dict(found.stages), abs=1e-3)
@@ -106,14 +107,15 @@ def test_settings_bring_their_seed(monkeypatch):
     assert compiled == [(sys.stderr, False), (sys.stderr, False), (sys.stderr, True)]
 
 
+@pytest.mark.usefixtures("without_step")
 def test_what_somebody_has_changed_is_not_replaced(found, tmp_path):
-    found.save(tmp_path / "out", step_limit_s=0.0)
+    found.save(tmp_path / "out")
     text = tmp_path / "out" / "program.scad"
     text.write_text("mine")
     with pytest.raises(OSError, match=r"program\.scad changed since it was written"):
-        found.save(tmp_path / "out", step_limit_s=0.0)
+        found.save(tmp_path / "out")
     assert text.read_text() == "mine"
-    found.save(tmp_path / "out", step_limit_s=0.0, force=True)
+    found.save(tmp_path / "out", force=True)
     assert text.read_text() == found.to_openscad()
 
 
