@@ -27,6 +27,7 @@ def same(a: Program, b: Program) -> bool:
     return volume_iou(to_manifold(a), to_manifold(b)) > 1 - 1e-9
 
 
+@pytest.mark.usefixtures("without_step")
 @pytest.mark.parametrize(("pick", "expected"), [(["--pick", "1"], 0), (["--pick", "2"], 1), ([], 1)])
 def test_the_picked_program_is_in_every_file(front_file, tmp_path, capsys, pick, expected):
     folder = tmp_path / "out"
@@ -42,6 +43,7 @@ def test_the_picked_program_is_in_every_file(front_file, tmp_path, capsys, pick,
     assert str(folder / "program.scad") in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("without_step")
 def test_a_results_folder_has_both(front_file, tmp_path):
     front_file.with_name("program.json").write_text(codec.dumps(PARTS["countersink"]))
     for pick, expected in (([], PARTS["countersink"]), (["--pick", "1"], CHOICES[0].program)):
@@ -56,6 +58,7 @@ def test_a_program_is_exported_too(tmp_path):
     assert same(read_openscad((tmp_path / "out" / "program.scad").read_text()), PARTS["countersink"])
 
 
+@pytest.mark.usefixtures("without_step")
 def test_what_is_exported_has_names_to_edit(tmp_path):
     source = tmp_path / "program.json"
     holes = [cylinder(3, 5, (x, 0.0, 2.5)) for x in (-20.0, 20.0)]
@@ -68,6 +71,7 @@ def test_what_is_exported_has_names_to_edit(tmp_path):
     assert json.loads((tmp_path / "out" / "program.json").read_text())["constraints"]
 
 
+@pytest.mark.usefixtures("without_step")
 def test_an_export_of_an_export_has_its_names(tmp_path):
     """A cutter that overshoots is wider there than what one sees of it, and only the texts know that."""
     source, out, again = tmp_path / "program.json", tmp_path / "out", tmp_path / "again"
