@@ -1,14 +1,18 @@
 """What a noisy cloud says of numbers: by closed forms for how well, and by planted numbers for which."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, sphere
 
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
 from imdim.numbers.design_values import common_grid, grid_of, is_designed
 from imdim.numbers.information import Coordinates, bends_of, measure_spread
 from imdim.numbers.measured import NORMAL_95, measure
 from imdim.numbers.measured_leaves import MeasuredLeaves
+from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, leaves
 
@@ -155,6 +159,33 @@ def test_rounding_goes_as_far_as_the_intervals():
     assert rounded.size[0] == 40
     assert rounded.size[2] == 20
     assert not bounds.allow(with_size(40, 30, 20))
+
+
+def test_what_no_point_shows_is_rounded_by_no_more_than_the_noise():
+    """A hidden end was free to go anywhere, and drawn corners that few points show went far."""
+    ring = cut(cylinder(20, 8), cylinder(6, 30.1))
+    bounds = MeasuredLeaves.of(measure(ring, cloud(ring), FREE.repeat(2, 1)))
+
+    def with_height(height):
+        outer, bore = bounds.parts
+        return cut(outer, Primitive("cylinder", (bore.size[0], height), bore.center, bore.rotation))
+
+    assert bounds.allow(with_height(30))
+    assert not bounds.allow(with_height(31))
+    assert not bounds.allow(with_height(35))
+
+
+@pytest.mark.parametrize("size", [(6.0, 30.0), (9.0, 4.0, 30.0)])
+def test_what_points_the_other_way_in_its_normal_form_is_compared_all_the_same(size):
+    """A hair beyond a right angle nothing was known to be the same, and so anything to be allowed."""
+    kind = "cylinder" if len(size) == 2 else "cone"
+    rod = Primitive(kind, size, (1.0, 2.0, 3.0), (0.0, 90.01, 0.0))
+    bounds = MeasuredLeaves.of(replace(measure(rod, cloud(rod, 20_000), FREE), program=rod))
+    turned = canonical(rod)
+    assert matrix_from_euler(turned.rotation)[:, 2] @ matrix_from_euler(rod.rotation)[:, 2] < -0.9
+    assert bounds.allow(turned)
+    assert not bounds.allow(replace(turned, size=tuple(s + 1.0 for s in turned.size)))
+    assert not bounds.allow(replace(turned, center=(1.0, 2.0, 4.0)))
 
 
 def test_a_size_that_may_be_nothing_is_not_rounded_to_it():

@@ -9,7 +9,8 @@ from tests.known_programs import LEAVES
 
 from imdim.geometry import kernels
 from imdim.geometry.axes import SYMMETRIES
-from imdim.numbers.symmetry_normal_form import canonical, round_turns
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.numbers.symmetry_normal_form import canonical, round_turns, turn_over
 from imdim.program.outline import Outline
 from imdim.program.tree import KINDS, OUTLINED, SIMPLE, Primitive, Vec3, map_lengths
 
@@ -62,6 +63,14 @@ def test_right_angles_leave_one_simple_rotation(kind):
 
 def test_a_cone_upside_down_swaps_its_radii():
     assert canonical(Primitive("cone", (0.5, 0.2, 0.7), rotation=(180.0, 0.0, 0.0))) == Primitive("cone", (0.2, 0.5, 0.7))
+
+
+@pytest.mark.parametrize("leaf", [*(p for p in LEAVES if p.kind in ("cylinder", "cone", "torus")), PULLEY], ids=lambda p: p.kind)
+def test_what_is_turned_over_is_the_same_solid(leaf):
+    points = np.random.default_rng(0).uniform(-30, 30, (400, 3)) + leaf.center
+    over = turn_over(leaf)
+    assert np.allclose(kernels.program_sdf(over, points), kernels.program_sdf(leaf, points), atol=1e-9)
+    assert np.allclose(matrix_from_euler(over.rotation)[:, 2], -matrix_from_euler(leaf.rotation)[:, 2])
 
 
 @pytest.mark.parametrize("leaf", [PULLEY, replace(PULLEY, size=(100.0,)), centred(BRACKET, 20.0)], ids=["round", "sector", "extruded"])

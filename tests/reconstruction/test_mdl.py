@@ -78,6 +78,19 @@ def test_a_turned_part_in_noise_is_one_outline_unless_csg_is_asked_for():
     assert [leaf.kind for leaf in leaves(early)] == ["revolve"], "where it may be drawn it is before that"
 
 
+def test_what_is_drawn_is_searched_for_in_noise_too_and_a_feature_costs_more_there():
+    """Only boxes and cylinders were looked for in the cells of noisy clouds."""
+    truth = Primitive("extrude", (12.0,), outline=Outline((((0, 0, 0), (60, 0, 0), (60, 15, 0), (20, 15, 0), (8, 40, 0), (0, 40, 0)),)))
+    unit, _ = in_unit_frame(target_from(cloud(truth, 0.004, n=4000)))
+    rng, price = np.random.default_rng(0), Settings().size_weight
+    seen = observe(UnitBody.of(unit, rng), price, rng, outlines=True)
+    assert seen.noisy
+    assert seen.size_weight > price
+    settings = Settings(checkpoint="none", budget_s=30.0)
+    step = next(methods.auto(methods.Run(seen, settings, lambda: None, Budget(30.0, lambda: 0.0), rng)))
+    assert [leaf.kind for leaf in leaves(step.program)] == ["extrude"]
+
+
 def test_strays_do_not_widen_the_body():
     seen, frame = seen_of(cloud(box(40, 30, 10), outliers=0.03))
     assert seen.noisy
@@ -225,6 +238,32 @@ def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls
     cut = [lineage("a", -1.0, -5.0, -5.2), lineage("b", 0.0, -4.0, -5.1)]
     assert mdl._NoisyCloud._in_turn(cut, PASSED)[0].best == "a"
     assert cut[0].length == -1.0
+
+
+@pytest.mark.parametrize(("round_s", "most"), [(1.0, 5), (3.0, 2), (30.0, 2)])
+def test_as_many_searches_begin_as_have_time_for_rounds_like_the_second(round_s, most):
+    """The first works out what all share."""
+    now = [0.0]
+
+    def rounds():
+        for spent, length in ((9.0, -1.0), (round_s, -2.0), (100.0, -3.0)):
+            now[0] += spent
+            yield "found", length
+
+    lineage = mdl._Lineage("start", 0.0, rounds())
+    assert lineage.count_equals(Deadline(20.0, lambda: now[0])) == most
+    assert lineage.length == -2.0
+
+
+@pytest.mark.parametrize("most", [2, 4])
+def test_a_policy_is_asked_only_where_there_is_time_for_its_searches(most, monkeypatch):
+    truth, asked, starts = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), [], []
+    monkeypatch.setattr(mdl, "shorten", lambda likely, *_, **__: starts.append(likely.program) or iter(()))
+    monkeypatch.setattr(mdl._Lineage, "count_equals", lambda *_: most)
+    monkeypatch.setattr(mdl._NoisyCloud, "_written", lambda *_: asked.append(1) or [truth, box(40, 30, 8)])
+    noisy = replace(mdl._NoisyCloud.of(cloud(truth), 0.3, np.eye(3), drawn=False), anew=False)
+    noisy._search([truth], [*leaves(truth)], NEVER)
+    assert len(asked) == (most == 4)
 
 
 @pytest.mark.parametrize(("reached", "going_on"), [(5.0, [-5.0, -4.0]), (1.0, [-5.0])])

@@ -12,6 +12,7 @@ import numpy as np
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import FINE, UNUSED, Values, common_grid, finest_grid, grids, is_designed, round_to_grid, row_of
 from imdim.numbers.measured import Measured
+from imdim.numbers.symmetry_normal_form import turn_over
 from imdim.program.motions import is_round
 from imdim.program.outline import Outline
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
@@ -46,6 +47,7 @@ class MeasuredLeaves:
         return all(p == q or self._allows(i, p, q) for i, (p, q) in enumerate(zip(leaves(trial), self.parts, strict=True)))
 
     def _allows(self, leaf: int, trial: Primitive, own: Primitive) -> bool:
+        trial = _facing(trial, own)
         turn = _turn(trial, own)
         if turn is None or (np.abs(turn) * self.known.start.radii[leaf] > self.turns[leaf] + EXACT).any():
             return False
@@ -91,7 +93,13 @@ class MeasuredLeaves:
         slopes = np.zeros((len(matrix), self.known.start.count))
         slopes[:, 9 * leaf : 9 * leaf + 3] = matrix[:, :3]
         slopes[:, 9 * leaf + 3 : 9 * leaf + 6] = matrix[:, 3:] @ self.known.start.numbers.rotations[leaf]
-        return self.known.half_widths(slopes)
+        return self._told(slopes)
+
+    def _told(self, slopes: np.ndarray) -> np.ndarray:
+        """By how much numbers with these derivatives [n, p] may be rounded: what no points show is not known to lie anywhere, and moves by
+        no more than the noise hides."""
+        half = self.known.half_widths(slopes)
+        return np.where(np.isfinite(half), half, self.known.noise.sigma)
 
     def _allows_outline(self, leaf: int, trial: Outline | None, own: Outline | None) -> bool:
         if trial is None or own is None or trial == own:
@@ -103,7 +111,7 @@ class MeasuredLeaves:
         slopes = np.zeros((len(places), self.known.start.count))
         slopes[:, first : first + coordinates.count] = coordinates.map[places]
         moved = np.array(_vertices(trial)) - np.array(_vertices(own))
-        return bool((np.abs(moved).ravel() <= self.known.half_widths(slopes) + EXACT).all())
+        return bool((np.abs(moved).ravel() <= self._told(slopes) + EXACT).all())
 
 
 def _groups(matrix: np.ndarray, used: np.ndarray) -> Iterator[tuple[list[int], bool]]:
@@ -138,6 +146,14 @@ def _with_number(part: Primitive, number: int, value: float) -> Primitive:
 
 def _vertices(outline: Outline) -> list[Sequence[float]]:
     return [place for loop in outline.loops for place in ([v[:2] for v in loop] if isinstance(loop, tuple) else [(loop.x, loop.y)])]
+
+
+def _facing(trial: Primitive, own: Primitive) -> Primitive:
+    """The trial with its axis on the side of `own`: a hair beyond a right angle the normal form of what is round points the other way."""
+    if not is_round(own):
+        return trial
+    axis, other = (matrix_from_euler(p.rotation)[:, 2] for p in (trial, own))
+    return turn_over(trial) if axis @ other < 0 else trial
 
 
 def _turn(trial: Primitive, own: Primitive) -> np.ndarray | None:

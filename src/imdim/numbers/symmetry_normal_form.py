@@ -66,6 +66,14 @@ def along_axis(primitive: Primitive, axis: np.ndarray) -> Primitive:
     return replace(primitive, size=size, rotation=_tidy(rotation), outline=outline)
 
 
+def turn_over(primitive: Primitive) -> Primitive:
+    """The same solid, of a kind that is round about its axis, with that pointing the other way."""
+    frame = matrix_from_euler(primitive.rotation) * np.array([1.0, -1.0, -1.0])
+    size = (primitive.size[1], primitive.size[0], primitive.size[2]) if primitive.kind == "cone" else primitive.size
+    outline = None if primitive.outline is None else _upside_down(primitive.outline)
+    return replace(primitive, size=size, rotation=euler_from_matrix(frame), outline=outline)
+
+
 def _upside_down(outline: Outline) -> Outline:
     return Outline(tuple(_flip(loop) for loop in outline.loops))
 

@@ -101,5 +101,8 @@ def snap_measured(program: Program, found: Sequence[Constraint], seen: Observati
     if 1 - volume_iou(to_manifold(plain), to_manifold(known.program)) >= 10 * SNAP_CHANGE:
         return plain
     bounds = MeasuredLeaves.of(known)
+    measured = map_leaves(known.program, lambda _, leaf: canonical(leaf))
+    if not bounds.allow(measured):  # written in other frames: nothing can be compared
+        return measured
     config = SnapConfig(max_move=ROUNDED, equalise=False)
-    return bounds.round_sizes(snap(known.program, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))
+    return bounds.round_sizes(snap(measured, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))

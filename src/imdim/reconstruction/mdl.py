@@ -48,6 +48,9 @@ COUNTED = 0.66  # of these
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
 BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are hardly told from one
 FALLEN = 0.85  # of the noise that was told is left where it was skins
+DRAW_SHARE = 0.35  # of the time, for what the points show before a search begins
+FEWEST_LINEAGES, MOST_LINEAGES = 2, 16  # searches: what starts the shortest may be long and win little, and more than the last never begin
+ROUNDS_EACH = 4  # that there is time for in each of several searches: fewer begin where there is not
 FIRST_SHARE = 0.4  # of the time, for searches that begin with little
 REBUILT, MOST_REBUILT = 8, 60  # times in a row that leaves are taken out in vain, and times at all
 MOST_TAKEN = 3  # leaves at once
@@ -181,11 +184,12 @@ class _NoisyCloud:
 
     def find_shortest(self, programs: Sequence[Program], choose_by: Deadline, fit_by: Deadline) -> NoisyFit:
         """The program with the shortest description, by a search from one primitive, then from the best of `programs`, then from both."""
-        found = outlines(self.points, self.axes, self.sigma, deadline=choose_by, drawn=self.drawn)
+        draw_by = choose_by.ahead(DRAW_SHARE * choose_by.left())
+        found = outlines(self.points, self.axes, self.sigma, deadline=draw_by, drawn=self.drawn)
         found = self._best_drawn(distinct(found, self._cloud)) if found else []
         seen = [*found, *compounds(found, self._cloud, self.sigma)]
         candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
-        best = self._search(programs, candidates, choose_by, self._written(choose_by))
+        best = self._search(programs, candidates, choose_by)
         cut = choose_by.has_passed()
         points = subsample(self.points, MOST_POINTS)
         shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
@@ -204,17 +208,15 @@ class _NoisyCloud:
             return []
         return beam_programs(self.policy, self.points)
 
-    def _search(
-        self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline, written: Sequence[Program] = ()
-    ) -> FittedProgram:
+    def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
-        kind, from the best of `programs` and from the best of those that a policy has `written`. What grows from one part is quick and
-        stays short; of `programs`, which are long, the best is known at least where time is out. What a policy wrote is offered to its
-        own searches alone: with more to choose from the others would end elsewhere, and often worse. In the end what the others found is
-        offered to the best.
+        kind, from the best of `programs` and, where there is time for more, from the best of those that a policy writes. What grows from
+        one part is quick and stays short; of `programs`, which are long, the best is known at least where time is out. What a policy wrote
+        is offered to its own searches alone: with more to choose from the others would end elsewhere, and often worse. In the end what the
+        others found is offered to the best.
         """
         if deadline.has_passed() or not candidates:
-            return self._start([*written, *programs], deadline)
+            return self._start([*self._written(deadline), *programs], deadline)
         singles = [p for p in candidates if isinstance(p, Primitive)]
         plain = [p for p in candidates if all(leaf.outline is None for leaf in leaves(p))]
         # with what the others begin with each would become as they are
@@ -222,11 +224,15 @@ class _NoisyCloud:
         groups = [(plain, plain), *((own, [*plain, *own]) for own in drawn)]
         starts = [(self._first(some, deadline), offered) for some, offered in groups if some]
         starts.append((self._start(programs, deadline), candidates))
-        told = [*candidates, *dict.fromkeys(leaf for p in written for leaf in leaves(p))]
-        likeliest = best_by_mdl([*dict.fromkeys(written)], self._draws, self._noise, LINEAGES) if written else []
-        starts.extend((self._first([p], deadline), told) for p in likeliest)
         first = deadline.ahead(FIRST_SHARE * deadline.left())
-        found = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, first)) for s, offered in starts], first)
+        begun = sorted((self._lineage(s, offered, first) for s, offered in starts), key=lambda lineage: lineage.length)
+        most = begun[0].count_equals(first)
+        if most > len(begun):
+            written = self._written(deadline)
+            told = [*candidates, *dict.fromkeys(leaf for p in written for leaf in leaves(p))]
+            likeliest = best_by_mdl([*dict.fromkeys(written)], self._draws, self._noise, LINEAGES) if written else []
+            begun.extend(self._lineage(self._first([p], first), told, first) for p in likeliest)
+        found = self._in_turn(begun[:most], first)
         offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
         # where time has cut them, the longer of two may become the shorter yet
         heirs = [found[0], *(h for h in [min(found, key=lambda h: h.promised)] if h is not found[0] and first.has_passed())]
@@ -319,6 +325,9 @@ class _NoisyCloud:
     ) -> Iterator[tuple[FittedProgram, float]]:
         return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count, self.sigma, not self.trifle, filling)
 
+    def _lineage(self, start: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> _Lineage:
+        return _Lineage(start, self._length(start), self._shorten(start, offered, deadline))
+
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
         few = best_by_mdl([*dict.fromkeys(starts)], self._draws, self._noise, FITTED)
@@ -342,6 +351,18 @@ class _Lineage:
     rounds: Iterator[tuple[FittedProgram, float]]
     promised: float = -math.inf
     won: float = math.inf
+
+    def count_equals(self, deadline: Deadline) -> int:
+        """Have two rounds, and tell how many lineages, this one included, could have ROUNDS_EACH like the second until the deadline; what
+        all share is worked out in the first."""
+        left, round_s = deadline.left(), 0.0
+        for _ in range(2):
+            begun = deadline.now()
+            going = self.advance()
+            round_s = deadline.now() - begun
+            if not going:
+                break
+        return max(FEWEST_LINEAGES, int(min(left / (ROUNDS_EACH * max(round_s, 1e-9)), MOST_LINEAGES)))
 
     def advance(self) -> bool:
         """Have another round; whether that found anything."""

@@ -31,6 +31,7 @@ from imdim.search.outline_families import NO_PLANES, PricedPlanes, find_planes
 from imdim.target.target import InputError, Target
 
 SAMPLES = 150_000  # labelled, spread over the cells
+DOUBT = 8.0  # times the price of a feature in noise, whose samples are often on the wrong side of thin parts
 LEAST_WALL = 3e-4  # of a body's surface, that a wall of an outline shows
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 
@@ -199,8 +200,8 @@ def observe(
     bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
     surfaces = [p.surface for p in patches] + closing
     areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
-    drawn = outlines and not noise.blurs
-    arrangement = arrange(surfaces, areas, bounds, ArrangementConfig(least_wall=LEAST_WALL) if drawn else ArrangementConfig())
+    size_weight *= DOUBT if noise.blurs else 1.0
+    arrangement = arrange(surfaces, areas, bounds, ArrangementConfig(least_wall=LEAST_WALL) if outlines else ArrangementConfig())
     label = _labeller(unit, patches, label_by)
     samples = label_samples(arrangement, label, SAMPLES, rng)
     cut = cut or (unit.mesh is None and label_by.has_passed())
@@ -208,7 +209,7 @@ def observe(
     if not (cells.gain > 0).any():
         raise UnseenError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells", cut)
     families = Families(
-        arrangement, cells, PricedPlanes(find_planes(arrangement), curve * size_weight * cells.volume) if drawn else NO_PLANES
+        arrangement, cells, PricedPlanes(find_planes(arrangement), curve * size_weight * cells.volume) if outlines else NO_PLANES
     )
     return Observation(unit, noise, patches, samples, families, size_weight, curve, label, cut)
 

@@ -113,3 +113,21 @@ def test_an_arc_is_drawn_as_one_curve():
     (ring,) = drawn(along(slot, 0.1, rng)).loops
     assert len(ring) in (4, 5, 6)
     assert loop_area(ring) == pytest.approx(60 * 20 + 100 * np.pi, rel=0.02)
+
+
+def test_a_loop_that_crosses_a_larger_one_is_left_out_alone():
+    """One of twenty holes that two crowds ran into took all of an outline with it."""
+    rng = np.random.default_rng(6)
+
+    def border(outline):
+        return along(outline, 0.15, rng, noise=0.0)
+
+    plate = Outline((((0, 0, 0), (100, 0, 0), (100, 60, 0), (0, 60, 0)),))
+    whole, across = Outline((circle(8, 30, 30),)), Outline((circle(6, 100, 30),))
+    points = np.concatenate([along(o, 0.1, rng) for o in (plate, whole, across)])
+    found = fit_outline([border(across), border(plate), border(whole)], SIGMA, points, SIGMA, turned=False)
+    assert found is not None
+    assert [abs(loop_area(loop)) for loop in found.loops] == [pytest.approx(6000, rel=0.02), pytest.approx(201, rel=0.1)]
+    alone = fit_outline([border(plate)], SIGMA, points, SIGMA, turned=False)
+    assert alone is not None
+    assert len(alone.loops) == 1

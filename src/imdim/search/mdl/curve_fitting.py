@@ -20,7 +20,7 @@ from imdim.geometry import kernels
 from imdim.geometry.conic import fit_conic
 from imdim.geometry.lowering import Outlines
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, Outline, Vertex, check_crossings, circle, loop_area
+from imdim.program.outline import CrossingError, Loop, Outline, Vertex, check_crossings, circle, loop_area
 
 PLACES = 260  # along a border, at most
 STEP = 1.5  # deviations of the noise between them, at least
@@ -62,33 +62,49 @@ _Carrier = _Line | _Arc
 
 
 def fit_outline(borders: Sequence[np.ndarray], cell: float, points: np.ndarray, sigma: float, turned: bool) -> Outline | None:
-    """Loops of lines and arcs along closed `borders` [m, 2], right to a `cell`, for the `points` [n, 2] beside them; None where they
-    make no outline.
+    """Loops of lines and arcs along closed `borders` [m, 2], right to a `cell`, for the `points` [n, 2] beside them, the largest first and
+    without those that cross a larger one; None where they make no outline.
 
     If `turned`, x is the distance from an axis, along which loops need no curve.
     """
     large = [border for border in borders if np.ptp(border, axis=0).min() > LEAST * sigma]
-    for most_turn in (MOST_TURN, 0.0):  # where arcs cross something, lines may not
-        loops = [
-            loop
-            for border in large
-            if (loop := _fit_loop(border, max(OWN * sigma, OFF * cell), points, sigma, turned, most_turn)) is not None
-        ]
-        loops = [loop for loop in loops if abs(loop_area(loop)) > (LEAST * sigma) ** 2]
+    loops = [loop for border in large if (loop := _fit_sound_loop(border, cell, points, sigma, turned)) is not None]
+    loops.sort(key=lambda loop: -abs(loop_area(loop)))
+    while loops:
         try:
             outline = Outline(tuple(loops))
             check_crossings(outline)
+        except CrossingError as error:
+            smaller = max(i for i, _ in error.curves)
+            if smaller == 0:
+                return None
+            del loops[smaller]
+        except ValueError:
+            return None
+        else:
+            return outline if not turned or outline.bounds[0][0] >= 0 else None
+    return None
+
+
+def _fit_sound_loop(border: np.ndarray, cell: float, points: np.ndarray, sigma: float, turned: bool) -> Loop | None:
+    """The loop along a border, of lines alone where arcs cross something; None where these do too, and where it bounds hardly anything."""
+    for most_turn in (MOST_TURN, 0.0):
+        loop = _fit_loop(border, max(OWN * sigma, OFF * cell), points, sigma, turned, most_turn)
+        if loop is None or abs(loop_area(loop)) <= (LEAST * sigma) ** 2:
+            continue
+        try:
+            check_crossings(Outline((loop,)))
         except ValueError:
             continue
-        if not turned or outline.bounds[0][0] >= 0:
-            return outline
+        return loop
     return None
 
 
 def _fit_loop(border: np.ndarray, reach: float, points: np.ndarray, sigma: float, turned: bool, most_turn: float) -> Loop | None:
     places = _space_out(border, sigma)
-    own = np.asarray(KDTree(places).query(points, distance_upper_bound=reach)[1])
     price = PRICE * 0.5 * math.log(len(points))
+    points = points[((points > places.min(0) - reach) & (points < places.max(0) + reach)).all(1)]
+    own = np.asarray(KDTree(places).query(points, distance_upper_bound=reach)[1])
     sums = _sum_powers(places, points, own)
     on_axis = places[:, 0] < 1.5 * sigma if turned else np.zeros(len(places), bool)
     vertices: list[Vertex] = []

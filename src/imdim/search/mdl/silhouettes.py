@@ -80,9 +80,11 @@ def outlines(
     rng = np.random.default_rng(seed)
     local = np.ascontiguousarray(points @ axes)
     out: list[Primitive] = []
+    end = deadline
     for k in range(3):
-        if deadline.has_passed():
+        if end.has_passed():
             break
+        deadline = end.ahead(end.left() / (3 - k))
         view = _View(local, axes, k, sigma)
         out += _boxes(view)
         found: list[np.ndarray] = []

@@ -68,10 +68,21 @@ def test_what_does_not_go_all_around_is_not_turned():
 def test_plainer_outlines_are_offered_the_nearest_first():
     notched = Outline((((0, 0, 0), (10, 0, 0), (10.2, 5, 0), (10, 10, 0), (0, 10, 0)), circle(1, 5, 5)))
     offered = [*redraw(Primitive("extrude", (4.0,), outline=notched))]
-    assert offered[0].outline is not None
-    assert offered[0].outline.loops[0] == tuple((x - 5.1 + 0.1, y - 5, b) for x, y, b in ((0, 0, 0), (10, 0, 0), (10, 10, 0), (0, 10, 0)))
+    # its walls beside the notch drawn straight move half as far as the notch
+    assert [len(p.outline.loops[0]) for p in offered[:2] if p.outline is not None] == [5, 5]
+    assert offered[2].outline is not None
+    assert offered[2].outline.loops[0] == tuple((x - 5.1 + 0.1, y - 5, b) for x, y, b in ((0, 0, 0), (10, 0, 0), (10, 10, 0), (0, 10, 0)))
     assert any(p.outline is not None and len(p.outline.loops) == 1 for p in offered)
     assert [*redraw(Primitive("box", (1.0, 1.0, 1.0)))] == []
+
+
+def test_a_wall_that_slants_by_a_hair_is_offered_straight():
+    angle = Outline((((0, 0, 0), (60, 0, 0), (58.4, 5, 0), (5, 5, 0), (5, 40, 0), (0, 40, 0)),))
+    offered = [p.outline.loops[0] for p in redraw(Primitive("extrude", (4.0,), outline=angle)) if p.outline is not None]
+    widths = [max(x for x, *_ in loop) - min(x for x, *_ in loop) for loop in offered if len(loop) == 6]
+    assert widths == [pytest.approx(59.2)]
+    right = next(loop for loop in offered if len(loop) == 6)
+    assert all(ax == bx or ay == by for (ax, ay, _), (bx, by, _) in zip(right, (*right[1:], right[0]), strict=True))
 
 
 def test_a_rectangle_becomes_a_box():

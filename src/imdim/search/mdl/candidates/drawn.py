@@ -22,7 +22,7 @@ from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
 from imdim.geometry.surface import vec
 from imdim.numbers.outline_coordinates import center_leaf
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, Outline, check_crossings, loop_area
+from imdim.program.outline import Loop, Outline, Ring, check_crossings, loop_area
 from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.mdl.curve_fitting import fit_outline
@@ -79,7 +79,8 @@ def trace_extruded_outlines(
 
 
 def redraw(leaf: Primitive) -> Iterator[Primitive]:
-    """The leaf with an outline of one vertex fewer, of one arc drawn straight, or without a hole: what changes it least."""
+    """The leaf with an outline of one vertex fewer, of one arc drawn straight, of one line drawn along x or y, or without a hole: what
+    changes it least."""
     if leaf.outline is None:
         return
     loops, options = leaf.outline.loops, list[tuple[float, tuple[Loop, ...]]]()
@@ -97,7 +98,7 @@ def redraw(leaf: Primitive) -> Iterator[Primitive]:
 
 
 def _plainer(loop: Loop) -> Iterator[tuple[float, Loop]]:
-    """The loop without one of its vertices or with one arc drawn straight, and how far that moves it."""
+    """The loop without one of its vertices, with one arc drawn straight or one line along x or y, and how far that moves it."""
     if isinstance(loop, Ellipse):
         return
     for k, (x, y, bulge) in enumerate(loop):
@@ -105,8 +106,19 @@ def _plainer(loop: Loop) -> Iterator[tuple[float, Loop]]:
         if len(loop) > 3:
             chord = max(math.dist((ax, ay), (bx, by)), 1e-300)
             yield abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / chord, loop[:k] + loop[k + 1 :]
+        slant = bx - x, by - y
+        if not bulge and all(slant):
+            yield _levelled(loop, k, 0 if abs(slant[0]) < abs(slant[1]) else 1)
         if bulge:
             yield abs(bulge) * math.dist((x, y), (bx, by)) / 2, (*loop[:k], (x, y, 0.0), *loop[k + 1 :])
+
+
+def _levelled(loop: Ring, k: int, axis: int) -> tuple[float, Loop]:
+    """The loop with both ends of its line k at their middle along an axis, and how far that moves them."""
+    after = (k + 1) % len(loop)
+    middle = (loop[k][axis] + loop[after][axis]) / 2
+    moved = [(middle, y, b) if axis == 0 else (x, middle, b) for x, y, b in (loop[k], loop[after])]
+    return abs(middle - loop[k][axis]), tuple(moved[(k, after).index(i)] if i in (k, after) else v for i, v in enumerate(loop))
 
 
 def simplest(leaf: Primitive) -> Primitive:
