@@ -22,6 +22,7 @@ from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
 from imdim.detection.noise import MeasuredNoise
 from imdim.export.chance import end_together
+from imdim.geometry.finish.closed_voids import close_voids
 from imdim.geometry.finish.cut_ends import end_cuts_in_faces
 from imdim.geometry.finish.cutter_walls import open_films
 from imdim.geometry.finish.datum_ends import begin_at_datums
@@ -435,7 +436,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         # rounding may part what met; where time was short it is worth more than relations to open what should be open
         last = replace(last, program=_open_films(last.program, seen, frame, budget.end_of("relate")) or last.program)
         if (bounded := _solid_in(seen, frame)) is not None and not fit_by.has_passed():
-            last = replace(last, program=join_bodies(last.program, bounded, fit_by))
+            last = replace(last, program=close_voids(join_bodies(last.program, bounded, fit_by), bounded, fit_by))
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
 

@@ -36,19 +36,19 @@ FACETED = 1e-2  # of a body's own diagonal, that its corners may lie off the fea
 MOST = 8  # bodies that are mended
 
 
-class _DrawnWall(NamedTuple):
+class DrawnWall(NamedTuple):
     """A straight wall of an extrusion: its loop, and its curve there, of those that `orient_loops` gives."""
 
     loop: int
     curve: int
 
 
-class _Move(NamedTuple):
+class Move(NamedTuple):
     """Of one face or wall of the leaf with a number, outward by `by`."""
 
     by: float
     leaf: int
-    face: Face | _DrawnWall
+    face: Face | DrawnWall
 
 
 def join_bodies(program: Program, solid: Manifold, deadline: Deadline = NEVER) -> Program:
@@ -92,8 +92,8 @@ def _trials(program: Program, body: Manifold, main: Manifold, solid: Manifold) -
         move for overlap in OVERLAPS for move in sorted(_moves(program, body, main, solid, overlap), key=lambda move: abs(move.by))
     )
     # a level is one number, and a wall is two corners
-    for move in sorted(moves, key=lambda move: isinstance(move.face, _DrawnWall)):
-        yield map_leaves(program, lambda i, leaf, move=move: _moved(leaf, move) if i == move.leaf else leaf)
+    for move in sorted(moves, key=lambda move: isinstance(move.face, DrawnWall)):
+        yield map_leaves(program, lambda i, leaf, move=move: move_face(leaf, move) if i == move.leaf else leaf)
 
 
 def _is_part(body: Manifold, solid: Manifold) -> bool:
@@ -118,7 +118,7 @@ def _lost_holes(before: SolidCensus, after: SolidCensus, wanted: SolidCensus) ->
     return -more if -joined <= more < 0 else None
 
 
-def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, overlap: float) -> Iterator[_Move]:
+def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, overlap: float) -> Iterator[Move]:
     """What may take a loose body away or, if it is the target's, join it to the `main` one."""
     low, high = bounds_of(solid)
     size, corners = float(np.linalg.norm(high - low)), corners_of(body)
@@ -131,42 +131,42 @@ def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, ov
     beside = ((near_main >= corners.min(0) - reach) & (near_main <= corners.max(0) + reach)).all(axis=1)
     # where bodies meet, the corners may be those of either
     corners = np.vstack([corners, near_main[beside]]) if is_part else corners
-    join = _round_up(gap + overlap * size)
+    join = round_up(gap + overlap * size)
     for i, (leaf, sign) in enumerate(zip(leaves(program), signs(program), strict=True)):
         if np.abs(kernels.program_sdf(leaf, corners)).min() > reach:
             continue
-        faces: list[tuple[Face | _DrawnWall, np.ndarray]] = [(face, _heights(leaf, face, corners)) for face in plane_faces(leaf)]
-        walls = list(_walls(leaf, corners)) if leaf.kind == "extrude" else []
+        faces: list[tuple[Face | DrawnWall, np.ndarray]] = [(face, heights(leaf, face, corners)) for face in plane_faces(leaf)]
+        walls = list(straight_walls(leaf, corners)) if leaf.kind == "extrude" else []
         if is_part:
             ends = ((face, np.array([out.min(), out.max()])) for face, out in faces)
-            yield from (_Move(sign * join, i, face) for face, out in ends if np.abs(out).min() <= reach)
-            yield from (_Move(join, i, wall) for wall, out in walls if sign > 0 and np.abs(out).min() <= reach)
+            yield from (Move(sign * join, i, face) for face, out in ends if np.abs(out).min() <= reach)
+            yield from (Move(join, i, wall) for wall, out in walls if sign > 0 and np.abs(out).min() <= reach)
             continue
         for face, out in (*faces, *walls):
             near, far = (out.min(), out.max()) if sign < 0 else (out.max(), out.min())
             # past a cut, or behind the end of what it is of
             if abs(near) <= TOUCH * size < abs(far) <= REACH * size:
-                yield _Move(-sign * _round_up(abs(far) + TOUCH * size), i, face)
+                yield Move(-sign * round_up(abs(far) + TOUCH * size), i, face)
 
 
-def _walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[_DrawnWall, np.ndarray]]:
+def straight_walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[DrawnWall, np.ndarray]]:
     """The straight walls of an extrusion, and how far points [n, 3] are outward of each."""
     assert leaf.outline is not None
     flat = ((points - leaf.center) @ exact_rotation(leaf))[:, :2]
     for k, ring in enumerate(orient_loops(leaf.outline.loops)):
         for j, (x, y, u, v, bulge) in enumerate([] if isinstance(ring, Ellipse) else ring_curves(ring)):
             if not bulge:
-                yield _DrawnWall(k, j), (flat - (x, y)) @ (v - y, x - u) / math.hypot(u - x, v - y)
+                yield DrawnWall(k, j), (flat - (x, y)) @ (v - y, x - u) / math.hypot(u - x, v - y)
 
 
-def _moved(leaf: Primitive, move: _Move) -> Primitive:
-    if isinstance(move.face, _DrawnWall):
+def move_face(leaf: Primitive, move: Move) -> Primitive:
+    if isinstance(move.face, DrawnWall):
         return _widened(leaf, move.face, move.by)
     whole = length(leaf, move.face)
     return between(leaf, move.face, -whole, move.by) if move.by > -whole else leaf
 
 
-def _widened(leaf: Primitive, wall: _DrawnWall, by: float) -> Primitive:
+def _widened(leaf: Primitive, wall: DrawnWall, by: float) -> Primitive:
     """With a wall further out; the leaf itself where its outline allows that not."""
     assert leaf.outline is not None
     ring = orient_loops(leaf.outline.loops)[wall.loop]
@@ -175,13 +175,13 @@ def _widened(leaf: Primitive, wall: _DrawnWall, by: float) -> Primitive:
     return (redraw_loop(leaf, wall.loop, wider) if wider else None) or leaf
 
 
-def _heights(leaf: Primitive, face: Face, points: np.ndarray) -> np.ndarray:
+def heights(leaf: Primitive, face: Face, points: np.ndarray) -> np.ndarray:
     """How far points [n, 3] are outward of a face."""
     axis, side = face
     return (points - leaf.center) @ exact_rotation(leaf)[:, axis] * side - length(leaf, face) / 2
 
 
-def _round_up(value: float) -> float:
+def round_up(value: float) -> float:
     """To one digit, for moves are added to numbers that people read."""
     grid = 10.0 ** math.floor(math.log10(value))
     return math.ceil(value / grid) * grid
