@@ -64,6 +64,39 @@ def test_the_tip_of_a_teardrop_stays_over_its_hole():
         assert moved == pytest.approx([3.0 * (k == axis) for k in range(2)], abs=1e-6)
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_web_of_a_fillet_grows_with_its_radius(mirrored):
+    """Its lines lean by a hair, and its arc all but touches both: with nine tenths of the radius, and the same ends, it crossed them."""
+    corner, level, upright, turn = (2.0, 3.0), (12.0, 3.0), (1.94, 12.95), math.radians(88.5)
+    radius = math.dist(level, upright) / 2 / math.sin(turn / 2)
+    web = Outline((((*corner, 0.0), (*level, -math.tan(turn / 4)), (*upright, 0.0)),))
+    part = opened(Primitive("extrude", (5.0,), outline=web.mirror() if mirrored else web))
+    (name,) = (n for n in part.values if n.endswith("corner_radius"))
+    assert part.values[name] == pytest.approx(radius)
+    for each, value in part.values.items():
+        for factor in (0.9, 1.1):
+            change_values(part, {each: factor * value})
+    loop = _loop(change_values(part, {name: 2 * radius}).program)
+    ends = sorted(math.dist(v[:2], min(loop, key=lambda v: abs(v[0]) + v[1])[:2]) for v in loop)
+    assert ends == pytest.approx([0.0, 2 * math.dist(corner, upright), 2 * math.dist(corner, level)], abs=1e-5)
+    assert min(abs(v[2]) for v in loop if v[2]) == pytest.approx(math.tan(turn / 4))
+
+
+def test_the_web_of_what_is_turned_has_a_height():
+    """Levels of what is turned are measured from its ends, which a radius would not say."""
+    web = ((6.0, 3.0, 0.0), (16.0, 3.0, -math.tan(math.radians(88.5) / 4)), (5.94, 12.95, 0.0))
+    part = opened(Primitive("revolve", (360.0,), outline=Outline((web,))))
+    assert part.values["turned_part_height"] == pytest.approx(9.95)
+
+
+def _loop(program):
+    assert isinstance(program, Primitive)
+    assert program.outline is not None
+    (loop,) = program.outline.loops
+    assert isinstance(loop, tuple)
+    return loop
+
+
 def _drawn(*corners):
     return tuple(DrawnVertex(x, y, bend) for x, y, bend in corners)
 

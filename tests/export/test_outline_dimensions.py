@@ -242,6 +242,19 @@ def test_a_flat_arc_is_where_its_apex_is():
     assert flatter.outline.loops[0][2][1] + flatter.center[1] == pytest.approx(sqrt(200.0**2 - 10.0**2) - 188.0)
 
 
+def test_a_flat_arc_that_ends_before_its_apex_is_where_that_is():
+    """Half of that crown: a radius of nine tenths about the same centre would not reach its sides."""
+    high, low = (sqrt(100.0**2 - x**2) - 88.0 for x in (2.0, 10.0))
+    bulge = tan((asin(0.1) - asin(0.02)) / 4)
+    crown = ((2.0, -12.0, 0.0), (10.0, -12.0, 0.0), (10.0, low, bulge), (2.0, high, 0.0))
+    part = opened(Primitive("extrude", (4.0,), outline=Outline((crown,))))
+    names = {name.split("_", 1)[1]: name for name in part.values}
+    assert part.values[names["apex_y"]] == pytest.approx(12.0)
+    (flatter,) = leaves(change_values(part, {names["arc_radius"]: 200.0}).program)
+    assert flatter.outline.loops[0][2][1] + flatter.center[1] == pytest.approx(sqrt(200.0**2 - 10.0**2) - 188.0)
+    change_values(part, {names["arc_radius"]: 90.0})
+
+
 def test_a_pocket_for_a_nut_stays_about_its_hole():
     holes = [circle(1.7, x, y) for x in (-16.0, 16.0) for y in (-16.0, 16.0)]
     corners = [(3.35 * np.cos(k * np.pi / 3), 3.35 * np.sin(k * np.pi / 3)) for k in range(6)]

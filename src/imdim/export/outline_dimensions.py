@@ -56,7 +56,8 @@ class OutlineDimensions:
         self.may_be_slot = cuts and part.kind == "extrude" and has_round_ends(part.outline)
         self.system, self.leaf, self.part, self.outline = system, leaf, part, part.outline
         self.slack = EXACT * system.length
-        self.joints = OutlineJoints(part.outline, self.slack)
+        # heights of what is turned have levels of their own
+        self.joints = OutlineJoints(part.outline, self.slack, has_webs=part.kind == "extrude")
         self.known: dict[tuple[str, int, int], Row] = {}  # by word, axis, place on a grid
         self.places: dict[tuple[str, int, int], float] = {}
         self.following = {} if part.kind == "revolve" else dict(self._find_following())
@@ -182,7 +183,7 @@ class OutlineDimensions:
         for joint in self.joints.all():
             lines = [c.across for c in (joint.before, joint.after) if isinstance(c, DrawnLine)]
             edge = len(lines) == 2 and lines != [None, None]
-            if not joint.carried and not joint.about:
+            if not joint.is_placed:
                 yield from (_Corner(axis, joint.at[axis], joint.after.inner, edge) for axis in (X, Y) if axis not in lines)
 
     def _held(self) -> Iterator[tuple[DrawnArc, int]]:
@@ -205,7 +206,7 @@ class OutlineDimensions:
         """
         loops = [loop for loop in self.joints.loops if loop and loop[0].after.inner == inner]
         what, found = side_of(inner), [loop for loop in loops if about_ends == any(joint.about for joint in loop)]
-        drawn = [([joint for joint in loop if not joint.carried and not joint.about], _ends_of(loop)) for loop in found]
+        drawn = [([joint for joint in loop if not joint.is_placed], _ends_of(loop)) for loop in found]
         every = {(axis, self.joints.cell(joint.at[axis])) for loop, _ in drawn for joint in loop for axis in (X, Y)}
         for axis, (loop, ends) in product((X, Y), drawn):
             places = {self.joints.cell(joint.at[axis]): joint.at[axis] for joint in loop if abs(joint.at[axis]) > self.slack}

@@ -13,6 +13,7 @@ from imdim.program.regular_polygon import regular_of
 HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
 QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter turn
 STEEP = 0.05  # of the radius: what an arc must reach along a line that it crosses
+TENTH = 0.1  # of a radius
 X, Y = 0, 1
 
 Row = dict[int, float]  # a sum of variables: their factors
@@ -64,7 +65,7 @@ class Joint:
 
     The curve after it turns by `turn` degrees. If it is a loose arc, it `rounds` the corner of two lines, which is `at` then, here and at
     its other end; or it goes on as the curve before it ends, or ends as the one after it begins (`touches` -1 or 1). Of an end `about` is
-    the arc, at both its joints.
+    the arc, at both its joints. Where an arc fills a corner (`_is_filled`), `fills` is the joint at that, at both its ends.
     """
 
     before: DrawnCurve
@@ -77,6 +78,12 @@ class Joint:
     rounds: bool = False
     touches: int = 0
     about: DrawnArc | None = None
+    fills: Joint | None = None
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether something else than its own coordinates says where it is."""
+        return self.carried or self.about is not None or self.fills is not None
 
     @property
     def carried(self) -> bool:
@@ -87,11 +94,12 @@ class Joint:
 class OutlineJoints:
     """The joints of each loop, None for a circle, an ellipse or a regular polygon.
 
-    `holes` says which loops bound holes, `slack` within what numbers are one, and `centers` are those of circles and ellipses.
+    `holes` says which loops bound holes, `slack` within what numbers are one, and `centers` are those of circles and ellipses. Where it
+    `has_webs` a triangle may fill a corner.
     """
 
-    def __init__(self, outline: Outline, slack: float) -> None:
-        self.outline, self.slack = outline, slack
+    def __init__(self, outline: Outline, slack: float, has_webs: bool = True) -> None:
+        self.outline, self.slack, self.has_webs = outline, slack, has_webs
         self.holes = [sign < 0 for sign in nesting(outline.loops)]
         self.centers = [center for center in map(_center, outline.loops) if center]
         self.regular = [regular_of(loop, slack) for loop in outline.loops]
@@ -112,13 +120,18 @@ class OutlineJoints:
         return (j.after for j in self.all() if isinstance(j.after, DrawnArc))
 
     def apexes(self) -> Iterator[tuple[DrawnArc, int, int]]:
-        """Arcs of less than a quarter turn that cross lines, with the axis and the side to which they reach furthest between their ends."""
+        """Arcs of less than a quarter turn that cross lines, with the axis and the side to which they reach furthest between their ends, or
+        would not far beyond them: the way from their centre to either end is mostly along that axis."""
         for loop in filter(None, self.loops):
             for joint, following in zip(loop, [*loop[1:], loop[0]], strict=True):
                 arc = joint.after
                 if isinstance(arc, DrawnArc) and arc.crossed and not (arc.wide or arc.loose):
                     away = [[at[axis] - arc.center[axis] for at in (joint.at, following.at)] for axis in (X, Y)]
-                    yield from ((arc, 1 - k, 1 if sum(away[1 - k]) > 0 else -1) for k in (X, Y) if away[k][0] * away[k][1] < 0)
+                    for across, along in ((X, Y), (Y, X)):
+                        is_between = away[across][0] * away[across][1] < 0
+                        is_near = all(abs(u) < abs(v) for u, v in zip(away[across], away[along], strict=True))
+                        if is_between or (is_near and away[along][0] * away[along][1] > 0):
+                            yield arc, along, 1 if sum(away[along]) > 0 else -1
 
     def cell(self, number: float) -> int:
         """The same for numbers that are one."""
@@ -138,6 +151,8 @@ class OutlineJoints:
                 if isinstance(c, DrawnArc):
                     c.loose |= not joint.fits and not joint.crosses
         self._join_smoothly(joints, curves)
+        if self.has_webs:
+            self._fill_corner(joints, curves)
         return joints
 
     def _carrier(self, curve: Curve, inner: bool) -> DrawnCurve:
@@ -213,6 +228,15 @@ class OutlineJoints:
         if all(j.touches == -1 for j in joints):
             joints[0].touches = 0  # one of a ring of arcs is not told by the others
 
+    def _fill_corner(self, joints: Sequence[Joint], curves: Sequence[Curve]) -> None:
+        """Say of a triangle of two lines and an arc that this fills the corner between them."""
+        if len(curves) != 3 or sum(1 for curve in curves if curve[4]) != 1:
+            return
+        k = next(i for i in range(3) if curves[i][4])
+        arc, following, corner = joints[k], joints[(k + 1) % 3], joints[k - 1]
+        if isinstance(arc.after, DrawnArc) and arc.after.loose and _is_filled(curves[k - 1], curves[k], curves[(k + 1) % 3]):
+            arc.fills = following.fills = corner
+
     def _is_between_lines(self, joints: Sequence[Joint], k: int) -> bool:
         return isinstance(joints[k].before, DrawnLine) and isinstance(joints[(k + 1) % len(joints)].after, DrawnLine)
 
@@ -237,6 +261,17 @@ class OutlineJoints:
         corner = arc[0] + length * math.cos(way), arc[1] + length * math.sin(way)
         far = math.dist(corner, arc[2:4]) - length
         return self._round(corner) if length > 0 and abs(far) <= self.slack else None
+
+
+def _is_filled(before: Curve, arc: Curve, after: Curve) -> bool:
+    """Whether an arc between two lines from one corner bends towards that and all but touches a line, as the web of a fillet does: from the
+    same ends, with a radius that is a tenth smaller, it would cross the line."""
+    half = 2 * math.atan(arc[4])
+    tighter = math.asin(min(abs(math.sin(half)) / (1 - TENTH), 1.0)) - abs(half)
+    first = _difference(_direction(before, 1) + math.pi, _direction(arc, -1))
+    last = _difference(_direction(arc, 1) + math.pi, _direction(after, -1))
+    room = [math.copysign(1.0, -half) * angle for angle in (first, last)]
+    return abs(half) < math.pi / 2 and -HALF <= min(room) <= tighter
 
 
 def _center(loop: Loop) -> Point | None:

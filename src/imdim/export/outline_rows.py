@@ -146,7 +146,7 @@ class _VertexSums:
                 center = _center(joint.about, 1)
                 rows.append(DrawnVertex(center.x, center.y, bend))
                 continue
-            x, y = chamfered.get(k) or (self._vertex(joint, X), self._vertex(joint, Y))
+            x, y = chamfered.get(k) or self._filling(joint) or (self._vertex(joint, X), self._vertex(joint, Y))
             rows.append(DrawnVertex(Sum(x, joint.at[X]), Sum(y, joint.at[Y]), bend))
         return tuple(rows)
 
@@ -159,6 +159,8 @@ class _VertexSums:
             return _center(arc, way)
         if arc.end:
             return BendRadius(Sum(arc.size, arc.radius), way)
+        if joint.fills:
+            return BendRadius(Sum(self._size_of_filling(arc), arc.radius), way)
         if joint.rounds:
             return BendRadius(Sum(self.of.name_radius(ROUNDS[False, arc.inner], arc.radius), arc.radius), 0)
         if joint.touches:
@@ -183,6 +185,23 @@ class _VertexSums:
         ends = [Sum(place, line.place), Sum(arc.at[axis] or {}, arc.center[axis])]
         x, y = ends if across == X else reversed(ends)
         return DrawnVertex(x, y, bend, Reach(axis, sign, Sum(arc.size, arc.radius), off))
+
+    def _size_of_filling(self, arc: DrawnArc) -> Row:
+        return self.of.name_radius(ROUNDS[False, arc.inner], arc.radius)
+
+    def _filling(self, joint: Joint) -> tuple[Row, Row] | None:
+        """The end of an arc that fills a corner: as many radii from that as now, the same way, so that a larger fillet reaches further."""
+        if joint.fills is None:
+            return None
+        arc, corner = joint.after if isinstance(joint.after, DrawnArc) else joint.before, joint.fills
+        assert isinstance(arc, DrawnArc)
+        size = self._size_of_filling(arc)
+        away = [joint.at[axis] - corner.at[axis] for axis in (X, Y)]
+        x, y = (
+            sum_rows((self._vertex(corner, axis), 1.0), (size, away[axis] / arc.radius if abs(away[axis]) > self.of.slack else 0.0))
+            for axis in (X, Y)
+        )
+        return x, y
 
     def _vertex(self, joint: Joint, axis: int) -> Row:
         curves = [c for c in (joint.before, joint.after) if isinstance(c, DrawnLine) or not c.loose]
