@@ -75,20 +75,20 @@ def outlines(
 ) -> list[Primitive]:
     """Cylinders, cones and boxes for `points` [n, 3] with noise of deviation `sigma`, if `drawn` solids of outlines too; some may be wrong.
 
-    `axes` [3, 3] has the part's directions as columns. Past the `deadline` (by default never) nothing more is looked for.
+    `axes` [3, 3] has the part's directions as columns. Past the `deadline` (by default never) nothing more is looked for; each
+    direction has a third of the time.
     """
     rng = np.random.default_rng(seed)
     local = np.ascontiguousarray(points @ axes)
     out: list[Primitive] = []
-    end = deadline
     for k in range(3):
-        if end.has_passed():
+        if deadline.has_passed():
             break
-        deadline = end.ahead(end.left() / (3 - k))
+        axis_by = deadline.ahead(deadline.left() / (3 - k))
         view = _View(local, axes, k, sigma)
         out += _boxes(view)
         found: list[np.ndarray] = []
-        for center, radius in _circles(view, rng, deadline):
+        for center, radius in _circles(view, rng, axis_by):
             ends = _ends(view, center, radius)
             if ends is not None:
                 out.append(view.place("cylinder", (radius, ends[1] - ends[0]), view.middle(center, sum(ends) / 2)))
@@ -97,10 +97,10 @@ def outlines(
         middle = np.quantile(local[:, view.across], OUTERMOST, axis=0).mean(0)
         centers = _apart([*_apart(found, 2 * sigma)[:MOST_LINES], middle], 2 * sigma)
         for center in centers:
-            out += [] if deadline.has_passed() else _profile(view, center, rng)
-        if drawn and not deadline.has_passed():
+            out += [] if axis_by.has_passed() else _profile(view, center, rng)
+        if drawn and not axis_by.has_passed():
             out += trace_turned_outlines(points, axes, k, centers, sigma)
-            out += trace_extruded_outlines(points, axes, k, _with_ends(_levels(local[:, k], sigma), local[:, k], sigma), sigma, deadline)
+            out += trace_extruded_outlines(points, axes, k, _with_ends(_levels(local[:, k], sigma), local[:, k], sigma), sigma, axis_by)
     return out
 
 
