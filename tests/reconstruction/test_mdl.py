@@ -240,7 +240,7 @@ def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls
     assert cut[0].length == -1.0
 
 
-@pytest.mark.parametrize(("round_s", "most"), [(1.0, 5), (3.0, 2), (30.0, 2)])
+@pytest.mark.parametrize(("round_s", "most"), [(1.0, 10), (3.0, 3), (30.0, 2)])
 def test_as_many_searches_begin_as_have_time_for_rounds_like_the_second(round_s, most):
     """The first works out what all share."""
     now = [0.0]

@@ -50,7 +50,7 @@ BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are har
 FALLEN = 0.85  # of the noise that was told is left where it was skins
 DRAW_SHARE = 0.35  # of the time, for what the points show before a search begins
 FEWEST_LINEAGES, MOST_LINEAGES = 2, 16  # searches: what starts the shortest may be long and win little, and more than the last never begin
-ROUNDS_EACH = 4  # that there is time for in each of several searches: fewer begin where there is not
+ROUNDS_EACH = 2  # that there is time for in each of several searches: fewer begin where there is not
 FIRST_SHARE = 0.4  # of the time, for searches that begin with little
 REBUILT, MOST_REBUILT = 8, 60  # times in a row that leaves are taken out in vain, and times at all
 MOST_TAKEN = 3  # leaves at once
@@ -210,10 +210,10 @@ class _NoisyCloud:
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
-        kind, from the best of `programs` and, where there is time for more, from the best of those that a policy writes. What grows from
-        one part is quick and stays short; of `programs`, which are long, the best is known at least where time is out. What a policy wrote
-        is offered to its own searches alone: with more to choose from the others would end elsewhere, and often worse. In the end what the
-        others found is offered to the best.
+        kind, from the best of `programs` with and without drawings and, where there is time for more, from the best of those that a policy
+        writes. What grows from one part is quick and stays short; of `programs`, which are long, the best is known at least where time is
+        out. What a policy wrote is offered to its own searches alone: with more to choose from the others would end elsewhere, and often
+        worse. In the end what the others found is offered to the best.
         """
         if deadline.has_passed() or not candidates:
             return self._start([*self._written(deadline), *programs], deadline)
@@ -223,7 +223,8 @@ class _NoisyCloud:
         drawn = [[p for p in singles if p.outline is not None and p.kind == kind] for kind in ("revolve", "extrude")]
         groups = [(plain, plain), *((own, [*plain, *own]) for own in drawn)]
         starts = [(self._first(some, deadline), offered) for some, offered in groups if some]
-        starts.append((self._start(programs, deadline), candidates))
+        whole = [p for p in programs if any(leaf.outline is not None for leaf in leaves(p))]
+        starts.extend((self._start(some, deadline), candidates) for some in (whole, [p for p in programs if p not in whole]) if some)
         first = deadline.ahead(FIRST_SHARE * deadline.left())
         begun = sorted((self._lineage(s, offered, first) for s, offered in starts), key=lambda lineage: lineage.length)
         most = begun[0].count_equals(first)

@@ -130,6 +130,8 @@ def auto(run: Run) -> Iterator[MethodStep]:
     best: MethodStep | None = None
     for best in _search_all(run):
         yield best
+    if best is not None and run.seen.noisy and run.settings.language == "cad":
+        yield _with_primitives(run, best)
     # what has blends stays drawn: their edges lie between the walls of one drawing, and not between faces of many features
     if best is None or run.blended or not run.seen.evidence.exact:
         return
@@ -165,6 +167,14 @@ def auto(run: Run) -> Iterator[MethodStep]:
     rounded = _draw_rounded(run, best)
     if rounded is not None:
         yield rounded
+
+
+def _with_primitives(run: Run, best: MethodStep) -> MethodStep:
+    """The best of a noisy cloud with, beside it, what primitives alone tell of its cells, at the price of a mesh: drawn or not, what is
+    likelier the points say later, and each search of theirs needs parts of its kind to begin with."""
+    seen = replace(run.seen.without_outlines, size_weight=run.settings.size_weight)
+    plain = _last(_search_all(replace(run, seen=seen, rng=run.rng.spawn(1)[0])))
+    return best if plain is None else replace(best, others=(*best.others, *plain.others, plain.program))
 
 
 def _choose_described(run: Run, best: MethodStep) -> MethodStep | None:
