@@ -170,9 +170,9 @@ def auto(run: Run) -> Iterator[MethodStep]:
 
 
 def _with_primitives(run: Run, best: MethodStep) -> MethodStep:
-    """The best of a noisy cloud with, beside it, what primitives alone tell of its cells, at the price of a mesh: drawn or not, what is
+    """The best of a noisy cloud with, beside it, what primitives alone tell of its cells: drawn or not, what is
     likelier the points say later, and each search of theirs needs parts of its kind to begin with."""
-    seen = replace(run.seen.without_outlines, size_weight=run.settings.size_weight)
+    seen = run.seen.without_outlines
     plain = _last(_search_all(replace(run, seen=seen, rng=run.rng.spawn(1)[0])))
     return best if plain is None else replace(best, others=(*best.others, *plain.others, plain.program))
 
