@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.planted import box, cut, cylinder, sphere
+from tests.planted import box, cut, cylinder, sphere, union
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
@@ -173,6 +173,14 @@ def test_what_no_point_shows_is_rounded_by_no_more_than_the_noise():
     assert bounds.allow(with_height(30))
     assert not bounds.allow(with_height(31))
     assert not bounds.allow(with_height(35))
+
+
+def test_what_no_point_shows_turns_by_no_more_than_the_noise():
+    inner = Primitive("box", (10.0, 8.0, 6.0), rotation=(0.0, 0.0, 0.5))
+    bounds = MeasuredLeaves.of(measure(union(box(40, 30, 20), inner), cloud(box(40, 30, 20)), FREE.repeat(2, 1)))
+    outer, own = bounds.parts
+    assert bounds.allow(union(outer, replace(own, rotation=(0.0, 0.0, 0.0))))
+    assert not bounds.allow(union(outer, replace(own, rotation=(0.0, 0.0, 5.0))))
 
 
 @pytest.mark.parametrize("size", [(6.0, 30.0), (9.0, 4.0, 30.0)])

@@ -1,5 +1,6 @@
 """Noisy clouds through the pipeline: judged by how likely they are, whatever the cells say."""
 
+import math
 from dataclasses import replace
 from itertools import count as count_up
 from types import SimpleNamespace
@@ -251,19 +252,23 @@ def test_as_many_searches_begin_as_have_time_for_rounds_like_the_second(round_s,
             yield "found", length
 
     lineage = mdl._Lineage("start", 0.0, rounds())
-    assert lineage.count_equals(Deadline(20.0, lambda: now[0])) == most
+    assert lineage.time_round(Deadline(20.0, lambda: now[0])) == round_s
     assert lineage.length == -2.0
+    assert mdl._count_with_time(20.0, round_s) == most
+    assert mdl._count_with_time(math.inf, round_s) > 7
 
 
-@pytest.mark.parametrize("most", [2, 4])
-def test_a_policy_is_asked_only_where_there_is_time_for_its_searches(most, monkeypatch):
-    truth, asked, starts = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), [], []
-    monkeypatch.setattr(mdl, "shorten", lambda likely, *_, **__: starts.append(likely.program) or iter(()))
-    monkeypatch.setattr(mdl._Lineage, "count_equals", lambda *_: most)
+@pytest.mark.parametrize(("most", "left_out"), [(1, True), (2, True), (4, False)])
+def test_a_policy_is_asked_only_where_there_is_time_for_its_searches_and_what_is_left_out_is_told(most, left_out, monkeypatch):
+    truth, asked = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), []
+    monkeypatch.setattr(mdl, "shorten", lambda *_, **__: iter(()))
+    monkeypatch.setattr(mdl, "_count_with_time", lambda *_: most)
     monkeypatch.setattr(mdl._NoisyCloud, "_written", lambda *_: asked.append(1) or [truth, box(40, 30, 8)])
-    noisy = replace(mdl._NoisyCloud.of(cloud(truth), 0.3, np.eye(3), drawn=False), anew=False)
-    noisy._search([truth], [*leaves(truth)], NEVER)
+    noisy = replace(mdl._NoisyCloud.of(cloud(truth), 0.3, np.eye(3), drawn=False), anew=False, policy=object())
+    monkeypatch.setattr(mdl._NoisyCloud, "_ask", lambda _, best, __: best)
+    assert noisy._search([truth], [*leaves(truth)], NEVER)[1] == left_out
     assert len(asked) == (most == 4)
+    assert replace(noisy, policy=None)._search([truth], [*leaves(truth)], NEVER)[1] == (most == 1)
 
 
 @pytest.mark.parametrize(("reached", "going_on"), [(5.0, [-5.0, -4.0]), (1.0, [-5.0])])

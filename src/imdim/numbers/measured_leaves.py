@@ -37,9 +37,9 @@ class MeasuredLeaves:
         slopes = np.zeros((3 * len(parts), known.start.count))
         for i in range(len(parts)):
             slopes[3 * i : 3 * i + 3, 9 * i + 6 : 9 * i + 9] = np.eye(3)
-        bare = MeasuredLeaves(known, parts, known.half_widths(slopes).reshape(-1, 3), 0.0)
+        bare = MeasuredLeaves(known, parts, np.zeros((len(parts), 3)), 0.0)
         half = np.concatenate([bare._half_widths(i, np.eye(6)) for i in range(len(parts))])
-        return replace(bare, common=common_grid(np.concatenate([row_of(p) for p in parts]), half))
+        return replace(bare, turns=bare._told(slopes).reshape(-1, 3), common=common_grid(np.concatenate([row_of(p) for p in parts]), half))
 
     def allow(self, trial: Program) -> bool:
         """Whether each number of the program is the one measured, but for digits that say nothing, or one that its interval holds and

@@ -49,7 +49,7 @@ FLOOR = 0.25  # of the deviation of real things, that their noise is taken for a
 BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are hardly told from one
 FALLEN = 0.85  # of the noise that was told is left where it was skins
 DRAW_SHARE = 0.35  # of the time, for what the points show before a search begins
-FEWEST_LINEAGES, MOST_LINEAGES = 2, 16  # searches: what starts the shortest may be long and win little, and more than the last never begin
+MOST_LINEAGES = 16  # searches that begin: more than there ever are
 ROUNDS_EACH = 2  # that there is time for in each of several searches: fewer begin where there is not
 FIRST_SHARE = 0.4  # of the time, for searches that begin with little
 REBUILT, MOST_REBUILT = 8, 60  # times in a row that leaves are taken out in vain, and times at all
@@ -185,12 +185,12 @@ class _NoisyCloud:
     def find_shortest(self, programs: Sequence[Program], choose_by: Deadline, fit_by: Deadline) -> NoisyFit:
         """The program with the shortest description, by a search from one primitive, then from the best of `programs`, then from both."""
         draw_by = choose_by.ahead(DRAW_SHARE * choose_by.left())
-        found = outlines(self.points, self.axes, self.sigma, deadline=draw_by, drawn=self.drawn)
-        found = self._best_drawn(distinct(found, self._cloud)) if found else []
+        shown = outlines(self.points, self.axes, self.sigma, deadline=draw_by, drawn=self.drawn)
+        found = self._best_drawn(distinct(shown.primitives, self._cloud)) if shown.primitives else []
         seen = [*found, *compounds(found, self._cloud, self.sigma)]
         candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
-        best = self._search(programs, candidates, choose_by)
-        cut = choose_by.has_passed()
+        best, left_out = self._search(programs, candidates, choose_by)
+        cut = shown.cut or left_out or choose_by.has_passed()
         points = subsample(self.points, MOST_POINTS)
         shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
         program, constraints = _hold_relations(_fit(shorter, points, best.noise, fit_by, CAREFUL), points, fit_by)
@@ -208,26 +208,29 @@ class _NoisyCloud:
             return []
         return beam_programs(self.policy, self.points)
 
-    def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
+    def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
         """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
         kind, from the best of `programs` with and without drawings and, where there is time for more, from the best of those that a policy
         writes. What grows from one part is quick and stays short; of `programs`, which are long, the best is known at least where time is
         out. What a policy wrote is offered to its own searches alone: with more to choose from the others would end elsewhere, and often
-        worse. In the end what the others found is offered to the best.
+        worse. In the end what the others found is offered to the best. Also whether there was no time for some of them.
         """
         if deadline.has_passed() or not candidates:
-            return self._start([*self._written(deadline), *programs], deadline)
+            return self._start([*self._written(deadline), *programs], deadline), deadline.has_passed()
         singles = [p for p in candidates if isinstance(p, Primitive)]
         plain = [p for p in candidates if all(leaf.outline is None for leaf in leaves(p))]
         # with what the others begin with each would become as they are
         drawn = [[p for p in singles if p.outline is not None and p.kind == kind] for kind in ("revolve", "extrude")]
         groups = [(plain, plain), *((own, [*plain, *own]) for own in drawn)]
         starts = [(self._first(some, deadline), offered) for some, offered in groups if some]
-        whole = [p for p in programs if any(leaf.outline is not None for leaf in leaves(p))]
-        starts.extend((self._start(some, deadline), candidates) for some in (whole, [p for p in programs if p not in whole]) if some)
+        has_drawings = [any(leaf.outline is not None for leaf in leaves(p)) for p in programs]
+        apart = ([p for p, has in zip(programs, has_drawings, strict=True) if has == wanted] for wanted in (True, False))
+        starts.extend((self._start(some, deadline), candidates) for some in apart if some)
         first = deadline.ahead(FIRST_SHARE * deadline.left())
         begun = sorted((self._lineage(s, offered, first) for s, offered in starts), key=lambda lineage: lineage.length)
-        most = begun[0].count_equals(first)
+        left = first.left()
+        most = _count_with_time(left, begun[0].time_round(first))
+        left_out = most < len(begun) or (most == len(begun) and self.policy is not None)
         if most > len(begun):
             written = self._written(deadline)
             told = [*candidates, *dict.fromkeys(leaf for p in written for leaf in leaves(p))]
@@ -244,7 +247,7 @@ class _NoisyCloud:
         best, calmer = (best, False) if self.trifle else self._in_less_noise(best, offered, deadline)
         cloud = replace(self, sigma=less) if calmer else self
         best = cloud._ask(best, deadline)
-        return cloud._rebuild_and_shorten(best, offered, deadline) if self.anew else best
+        return (cloud._rebuild_and_shorten(best, offered, deadline) if self.anew else best), left_out
 
     def _in_less_noise(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
         """What the search comes to from the best if there is less noise than it tells, where that is shorter, and whether there is.
@@ -353,17 +356,16 @@ class _Lineage:
     promised: float = -math.inf
     won: float = math.inf
 
-    def count_equals(self, deadline: Deadline) -> int:
-        """Have two rounds, and tell how many lineages, this one included, could have ROUNDS_EACH like the second until the deadline; what
-        all share is worked out in the first."""
-        left, round_s = deadline.left(), 0.0
+    def time_round(self, clock: Deadline) -> float:
+        """Have two rounds, and tell how many seconds of a deadline's clock the last one took: what all share is worked out in the first."""
+        took = 0.0
         for _ in range(2):
-            begun = deadline.now()
+            begun = clock.now()
             going = self.advance()
-            round_s = deadline.now() - begun
+            took = clock.now() - begun
             if not going:
                 break
-        return max(FEWEST_LINEAGES, int(min(left / (ROUNDS_EACH * max(round_s, 1e-9)), MOST_LINEAGES)))
+        return took
 
     def advance(self) -> bool:
         """Have another round; whether that found anything."""
@@ -374,6 +376,11 @@ class _Lineage:
         self.won = self.length - found[1]
         (self.best, self.length), self.promised = found, found[1] - AHEAD * self.won
         return True
+
+
+def _count_with_time(left: float, round_s: float) -> int:
+    """How many searches have time for ROUNDS_EACH that take so long; two in any case, since what starts the shortest may win little."""
+    return max(2, int(min(left / (ROUNDS_EACH * max(round_s, 1e-9)), MOST_LINEAGES)))
 
 
 def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline, config: EMConfig = QUICK) -> FittedProgram:

@@ -130,7 +130,7 @@ def auto(run: Run) -> Iterator[MethodStep]:
     best: MethodStep | None = None
     for best in _search_all(run):
         yield best
-    if best is not None and run.seen.noisy and run.settings.language == "cad":
+    if best is not None and run.seen.noisy and run.settings.synthesis and run.settings.language == "cad":
         yield _with_primitives(run, best)
     # what has blends stays drawn: their edges lie between the walls of one drawing, and not between faces of many features
     if best is None or run.blended or not run.seen.evidence.exact:
@@ -170,10 +170,11 @@ def auto(run: Run) -> Iterator[MethodStep]:
 
 
 def _with_primitives(run: Run, best: MethodStep) -> MethodStep:
-    """The best of a noisy cloud with, beside it, what primitives alone tell of its cells: drawn or not, what is
-    likelier the points say later, and each search of theirs needs parts of its kind to begin with."""
+    """The best of a noisy cloud with, beside it, what primitives alone tell of its cells: which of them is likelier the points say later,
+    and each search of theirs needs parts of its kind to begin with."""
     seen = run.seen.without_outlines
-    plain = _last(_search_all(replace(run, seen=seen, rng=run.rng.spawn(1)[0])))
+    alone = replace(run, seen=seen, rng=run.rng.spawn(1)[0])
+    plain = _last(_search_and_touch_up(alone, Proofs(seen, run.budget, run.share)))
     return best if plain is None else replace(best, others=(*best.others, *plain.others, plain.program))
 
 

@@ -6,6 +6,7 @@ import pytest
 from imdim.geometry.kernels import outline_sdf
 from imdim.geometry.lowering import Outlines
 from imdim.program.outline import Outline, circle, loop_area
+from imdim.search.mdl import curve_fitting
 from imdim.search.mdl.curve_fitting import fit_outline
 from imdim.search.mdl.curve_tracing import find_sides, trace_borders
 
@@ -131,3 +132,22 @@ def test_a_loop_that_crosses_a_larger_one_is_left_out_alone():
     alone = fit_outline([border(plate)], SIGMA, points, SIGMA, turned=False)
     assert alone is not None
     assert len(alone.loops) == 1
+
+
+def test_where_an_arc_would_cross_the_axis_lines_are_tried():
+    """A turned outline whose arc bulges over its axis was dropped where lines would not have."""
+    rng = np.random.default_rng(7)
+    profile = Outline((((0.2, 0, 0), (30, 0, 0), (30, 40, 0), (0.2, 40, 0.02)),))
+    straight = Outline((((0.2, 0, 0), (30, 0, 0), (30, 40, 0), (0.2, 40, 0)),))
+    assert profile.bounds[0][0] < 0
+    asked = []
+
+    def fit(border, reach, points, sigma, turned, most_turn):
+        asked.append(most_turn)
+        return profile.loops[0] if most_turn else straight.loops[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(curve_fitting, "_fit_loop", fit)
+        found = fit_outline([along(straight, 0.2, rng, noise=0.0)], SIGMA, along(straight, 0.2, rng), SIGMA, turned=True)
+    assert found == straight
+    assert asked == [curve_fitting.MOST_TURN, 0.0]

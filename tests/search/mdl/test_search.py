@@ -194,7 +194,7 @@ def test_a_cylinder_that_tapers_becomes_a_cone():
 
 def test_from_one_primitive_to_the_whole_part():
     points = cloud(PART)
-    lent = outlines(points, np.eye(3), 0.4)
+    lent = outlines(points, np.eye(3), 0.4).primitives
     start = best_by_mdl(lent, PartTableCache(points), maximise_likelihood(lent[0], points, Noise(0.5)).noise, 1)[0]
     found = settled(start, points, lent=lent)
     assert volume_iou(to_manifold(found.program), to_manifold(PART)) > 0.97
@@ -228,7 +228,7 @@ def test_no_time_leaves_the_program():
 def test_each_program_is_shorter_than_the_one_before():
     points = cloud(PART)
     start = maximise_likelihood(box(40, 30, 6), points, Noise(0.5))
-    lengths = [length for _, length in shorten(start, points, outlines(points, np.eye(3), 0.4), np.eye(3), NEVER)]
+    lengths = [length for _, length in shorten(start, points, outlines(points, np.eye(3), 0.4).primitives, np.eye(3), NEVER)]
     assert lengths
     assert (np.diff([description_length(start.program, points, start.noise), *lengths]) < 0).all()
 

@@ -34,7 +34,7 @@ def test_holes_bosses_and_cones_of_a_plate_are_seen():
     boss, hole = cylinder(6, 14, (10.0, 4.0, 10.0)), cylinder(3, 6, (-12.0, 0.0, 0.0))
     spout = cone(6.0, 2.0, 10.0, (10.0, 4.0, 22.0))
     part = cut(union(box(44, 32, 6), boss, spout), cylinder(3, 9, (-12.0, 0.0, 0.0)))
-    found = outlines(cloud(part), np.eye(3), SIGMA, seed=1)  # the spout is seen with 5 of 8 seeds
+    found = outlines(cloud(part), np.eye(3), SIGMA, seed=1).primitives  # the spout is seen with 5 of 8 seeds
     assert nearest(found, box(44, 32, 6)) < 0.8
     assert nearest(found, hole) < 1.0
     assert min(abs(p.size[0] - 6) for p in found if p.kind == "cylinder") < 0.2
@@ -43,14 +43,14 @@ def test_holes_bosses_and_cones_of_a_plate_are_seen():
 
 def test_they_turn_with_the_part():
     turn = matrix_from_euler((20.0, -35.0, 50.0))
-    found = outlines(cloud(cut(cylinder(20, 30), cylinder(12, 40))) @ turn.T, turn, SIGMA)
+    found = outlines(cloud(cut(cylinder(20, 30), cylinder(12, 40))) @ turn.T, turn, SIGMA).primitives
     radii = [p.size[0] for p in found if p.kind == "cylinder" and abs(matrix_from_euler(p.rotation)[:, 2] @ turn[:, 2]) > 0.999]
     assert min(abs(r - 20) for r in radii) < 0.2
     assert min(abs(r - 12) for r in radii) < 0.2
 
 
 def test_evenly_strewn_points_show_nothing():
-    assert outlines(np.random.default_rng(0).uniform(-20, 20, (6000, 3)), np.eye(3), SIGMA) == []
+    assert outlines(np.random.default_rng(0).uniform(-20, 20, (6000, 3)), np.eye(3), SIGMA) == ([], False)
 
 
 def test_the_same_seed_sees_the_same():
@@ -83,14 +83,14 @@ def test_a_line_is_fitted_and_ends_where_it_is_no_longer_filled():
 
 
 def test_without_time_nothing_is_looked_for():
-    assert outlines(cloud(box(44, 32, 6), 500), np.eye(3), SIGMA, deadline=PASSED) == []
+    assert outlines(cloud(box(44, 32, 6), 500), np.eye(3), SIGMA, deadline=PASSED) == ([], True)
 
 
 def test_a_thin_elliptic_tube_is_drawn_from_end_to_end():
     """Its ends have too few points to be seen as faces, and its section is two ellipses."""
     ring = Outline((ellipse(16.0, 12.0), ellipse(14.5, 10.5)))
     tube = Primitive("extrude", (80.0,), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), ring)
-    found = [p for p in outlines(cloud(tube), np.eye(3), SIGMA, drawn=True) if p.outline and len(p.outline.loops) == 2]
+    found = [p for p in outlines(cloud(tube), np.eye(3), SIGMA, drawn=True).primitives if p.outline and len(p.outline.loops) == 2]
     assert found
     assert volume_iou(to_manifold(found[0]), to_manifold(tube)) > 0.8
     assert all(isinstance(loop, Ellipse) for loop in found[0].outline.loops)

@@ -16,7 +16,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.census import CRUMB, SolidCensus, census_of
 from imdim.geometry.finish.extend import plane_faces
-from imdim.geometry.finish.loose_bodies import LOST, OVERLAPS, REACH, Move, heights, move_face, round_up, straight_walls
+from imdim.geometry.finish.loose_bodies import LOST, OVERLAPS, REACH, FaceMove, heights, move_face, round_up, straight_walls
 from imdim.geometry.finish.tolerances import TOUCH
 from imdim.geometry.solid import bounds_of, corners_of, to_manifold, volume_iou
 from imdim.program.roles import signs
@@ -71,7 +71,7 @@ def _is_closer(after: SolidCensus, before: SolidCensus, wanted: SolidCensus) -> 
     return after.voids < before.voids and all(abs(a - c) <= abs(b - c) for a, b, c in away)
 
 
-def _moves(program: Program, corners: np.ndarray, solid: Manifold, overlap: float) -> Iterator[Move]:
+def _moves(program: Program, corners: np.ndarray, solid: Manifold, overlap: float) -> Iterator[FaceMove]:
     """What may close a void: the faces of features beside it that go on past it, and of cuts that end before it, by an `overlap`."""
     low, high = bounds_of(solid)
     size = float(np.linalg.norm(high - low))
@@ -82,4 +82,4 @@ def _moves(program: Program, corners: np.ndarray, solid: Manifold, overlap: floa
         for face, out in (*((face, heights(leaf, face, corners)) for face in plane_faces(leaf)), *walls):
             near, far = sorted(sign * out[[out.argmin(), out.argmax()]])
             if near <= TOUCH * size < far <= REACH * size:
-                yield Move(sign * round_up(far + overlap * size), i, face)
+                yield FaceMove(sign * round_up(far + overlap * size), i, face)

@@ -43,7 +43,7 @@ class DrawnWall(NamedTuple):
     curve: int
 
 
-class Move(NamedTuple):
+class FaceMove(NamedTuple):
     """Of one face or wall of the leaf with a number, outward by `by`."""
 
     by: float
@@ -118,7 +118,7 @@ def _lost_holes(before: SolidCensus, after: SolidCensus, wanted: SolidCensus) ->
     return -more if -joined <= more < 0 else None
 
 
-def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, overlap: float) -> Iterator[Move]:
+def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, overlap: float) -> Iterator[FaceMove]:
     """What may take a loose body away or, if it is the target's, join it to the `main` one."""
     low, high = bounds_of(solid)
     size, corners = float(np.linalg.norm(high - low)), corners_of(body)
@@ -139,14 +139,14 @@ def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, ov
         walls = list(straight_walls(leaf, corners)) if leaf.kind == "extrude" else []
         if is_part:
             ends = ((face, np.array([out.min(), out.max()])) for face, out in faces)
-            yield from (Move(sign * join, i, face) for face, out in ends if np.abs(out).min() <= reach)
-            yield from (Move(join, i, wall) for wall, out in walls if sign > 0 and np.abs(out).min() <= reach)
+            yield from (FaceMove(sign * join, i, face) for face, out in ends if np.abs(out).min() <= reach)
+            yield from (FaceMove(join, i, wall) for wall, out in walls if sign > 0 and np.abs(out).min() <= reach)
             continue
         for face, out in (*faces, *walls):
             near, far = (out.min(), out.max()) if sign < 0 else (out.max(), out.min())
             # past a cut, or behind the end of what it is of
             if abs(near) <= TOUCH * size < abs(far) <= REACH * size:
-                yield Move(-sign * round_up(abs(far) + TOUCH * size), i, face)
+                yield FaceMove(-sign * round_up(abs(far) + TOUCH * size), i, face)
 
 
 def straight_walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[DrawnWall, np.ndarray]]:
@@ -159,7 +159,7 @@ def straight_walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[DrawnW
                 yield DrawnWall(k, j), (flat - (x, y)) @ (v - y, x - u) / math.hypot(u - x, v - y)
 
 
-def move_face(leaf: Primitive, move: Move) -> Primitive:
+def move_face(leaf: Primitive, move: FaceMove) -> Primitive:
     if isinstance(move.face, DrawnWall):
         return _widened(leaf, move.face, move.by)
     whole = length(leaf, move.face)

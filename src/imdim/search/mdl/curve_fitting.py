@@ -82,21 +82,24 @@ def fit_outline(borders: Sequence[np.ndarray], cell: float, points: np.ndarray, 
         except ValueError:
             return None
         else:
-            return outline if not turned or outline.bounds[0][0] >= 0 else None
+            return outline
     return None
 
 
 def _fit_sound_loop(border: np.ndarray, cell: float, points: np.ndarray, sigma: float, turned: bool) -> Loop | None:
-    """The loop along a border, of lines alone where arcs cross something; None where these do too, and where it bounds hardly anything."""
+    """The loop along a border, of lines alone where arcs cross something or the axis; None where these do too, and where it bounds hardly
+    anything."""
     for most_turn in (MOST_TURN, 0.0):
         loop = _fit_loop(border, max(OWN * sigma, OFF * cell), points, sigma, turned, most_turn)
         if loop is None or abs(loop_area(loop)) <= (LEAST * sigma) ** 2:
             continue
         try:
-            check_crossings(Outline((loop,)))
+            alone = Outline((loop,))
+            check_crossings(alone)
         except ValueError:
             continue
-        return loop
+        if not turned or alone.bounds[0][0] >= 0:
+            return loop
     return None
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +49,13 @@ MOST_LINES = 6
 OUTERMOST = (0.02, 0.98)  # quantiles of coordinates, beyond which points may be strays
 
 
+class Shown(NamedTuple):
+    """The `primitives` that points show, and whether time has `cut` the look for them."""
+
+    primitives: list[Primitive]
+    cut: bool
+
+
 @dataclass(frozen=True)
 class _View:
     """Points in the part's directions; direction k is looked along, u and v lie across."""
@@ -70,9 +78,7 @@ class _View:
         return out
 
 
-def outlines(
-    points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, deadline: Deadline = NEVER, drawn: bool = False
-) -> list[Primitive]:
+def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, deadline: Deadline = NEVER, drawn: bool = False) -> Shown:
     """Cylinders, cones and boxes for `points` [n, 3] with noise of deviation `sigma`, if `drawn` solids of outlines too; some may be wrong.
 
     `axes` [3, 3] has the part's directions as columns. Past the `deadline` (by default never) nothing more is looked for; each
@@ -80,10 +86,10 @@ def outlines(
     """
     rng = np.random.default_rng(seed)
     local = np.ascontiguousarray(points @ axes)
-    out: list[Primitive] = []
+    out, cut = list[Primitive](), False
     for k in range(3):
         if deadline.has_passed():
-            break
+            return Shown(out, True)
         axis_by = deadline.ahead(deadline.left() / (3 - k))
         view = _View(local, axes, k, sigma)
         out += _boxes(view)
@@ -101,7 +107,8 @@ def outlines(
         if drawn and not axis_by.has_passed():
             out += trace_turned_outlines(points, axes, k, centers, sigma)
             out += trace_extruded_outlines(points, axes, k, _with_ends(_levels(local[:, k], sigma), local[:, k], sigma), sigma, axis_by)
-    return out
+        cut |= axis_by.has_passed()
+    return Shown(out, cut)
 
 
 def _apart(centers: list[np.ndarray], least: float) -> list[np.ndarray]:
