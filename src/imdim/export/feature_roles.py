@@ -1,4 +1,4 @@
-"""Ribs, slots and bores: roles that only the solid around a primitive tells, beside those of holes and of `program.roles`.
+"""Ribs, slots, bores and teeth: roles that only what is around a primitive tells, beside those of holes and of `program.roles`.
 
 A rib is a thin wall that stands on something and has nothing at its sides or above it. A slot is a narrow cut with walls about it that goes
 through, or one with round ends. A bore is the one large hole through a turned part or a boss, about its axis.
@@ -19,7 +19,7 @@ from imdim.export.surroundings import Surroundings
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.holes import Hole
 from imdim.program.outline import circle_of
-from imdim.program.repeats import Folded, instances
+from imdim.program.repeats import Folded, instances, repeats, size
 from imdim.program.roles import FLAT, signs
 from imdim.program.tree import Primitive, Program, leaves, longest
 
@@ -27,6 +27,8 @@ MOST_NAMED = 1000  # primitives, copies counted, of a program with names: equati
 BRACED = 0.5  # of its longest edge: a thicker wall is no rib, and one that is not held on two sides has to be a plate's share of the next
 ROUND_ENDS = 1.2  # times as long as wide, with round ends: a slot; with others it has to be as narrow as a plate is thin
 LARGE = 1 / 3  # of a boss's diameter: a smaller hole is no bore
+TEETH = 8  # drawn parts on a circle, of which each is a tooth
+DRAWN = ("profile", "plate", "body")  # what a drawn part that adds is called
 COAXIAL = 1e-4  # of the largest size
 
 
@@ -38,10 +40,20 @@ class Role(NamedTuple):
 
 
 def feature_roles(program: Program, folded: Folded | None = None) -> list[str]:
-    """As `hole_roles`, with ribs, slots and bores; copies are what they are copies of."""
+    """As `hole_roles`, with ribs, slots, bores and teeth; copies are what they are copies of."""
     found, roles = find_roles(program), hole_roles(program)
     roles = [found[i].word if i in found and role in ("block", "pocket", "cutout", "hole") else role for i, role in enumerate(roles)]
-    return roles if folded is None else [roles[source] for source, _ in instances(folded)]
+    if folded is None:
+        return roles
+    roles = ["tooth" if i in _teeth(folded) and role in DRAWN else role for i, role in enumerate(roles)]
+    return [roles[source] for source, _ in instances(folded)]
+
+
+def _teeth(folded: Folded) -> set[int]:
+    """The leaves that are repeated on a circle, so often that they are teeth where they are drawn and add."""
+    return {
+        first for first, repeat in repeats(folded) if repeat.kind == "circular" and repeat.counts[0] >= TEETH and size(repeat.part) == 1
+    }
 
 
 def size_words(program: Program) -> dict[tuple[int, int], str]:

@@ -41,7 +41,6 @@ from imdim.reconstruction.plain_program import SAME, has_drawings, is_hardly_lon
 from imdim.reconstruction.policy_beam import has_time_for_beam, misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import DEARER, Proofs
-from imdim.reconstruction.toothed_rims import draw_teeth
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.decision_tree import DecisionTreeConfig
 from imdim.search.evolve.population import EvolutionConfig, Generation
@@ -140,15 +139,10 @@ def auto(run: Run) -> Iterator[MethodStep]:
         if fewer is not None:
             yield fewer
         return
-    toothed = _draw_teeth(run, best)
-    if toothed is not None:
-        best = toothed
-        yield best
     drawn = best
 
     def search_primitives(run: Run, best: MethodStep) -> MethodStep | None:
-        # they would have to tell each tooth
-        return None if toothed else _search_primitives(run, drawn if has_drawings(best.program) else best, best)
+        return _search_primitives(run, drawn if has_drawings(best.program) else best, best)
 
     for source in (_separate, _separate_rims, search_primitives, _stack_drawings, _separate_bores):
         plain = source(run, best)
@@ -274,24 +268,6 @@ def _separate_bores(run: Run, best: MethodStep) -> MethodStep | None:
 def _change_drawings(run: Run, best: MethodStep, change: Callable[[Program], Program]) -> MethodStep | None:
     apart = change(best.program)
     return None if apart == best.program else replace(best, program=_lay_bare(apart, best.program, run.budget.end_of("search")))
-
-
-def _draw_teeth(run: Run, best: MethodStep) -> MethodStep | None:
-    """The same with rims of equal teeth as discs and one tooth each, where that is nearer to the mesh."""
-    solid, deadline, program = run.seen.solid, run.budget.end_of("search"), best.program
-    if run.settings.language != "cad" or solid is None:
-        return None
-    while True:
-        better = (trial for trial in draw_teeth(program, solid, deadline) if _gain(run, trial, program) > SAME * run.seen.size_weight)
-        trial = next(better, None)
-        if trial is None:
-            break
-        program = trial
-    return None if program == best.program else replace(best, program=program, others=(*best.others, best.program), proof="")
-
-
-def _gain(run: Run, new: Program, old: Program) -> float:
-    return (run.seen.iou(new) or 0.0) - (run.seen.iou(old) or 0.0)
 
 
 def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:

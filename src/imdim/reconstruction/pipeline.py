@@ -21,6 +21,7 @@ from manifold3d import Manifold
 from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
 from imdim.detection.noise import MeasuredNoise
+from imdim.detection.toothed_rims import ToothedRim
 from imdim.export.chance import end_together
 from imdim.geometry.finish.closed_voids import close_voids
 from imdim.geometry.finish.cut_ends import end_cuts_in_faces
@@ -41,6 +42,7 @@ from imdim.program.cost import CURVE_PRICES, count, weigh
 from imdim.program.edges import EdgeFeature
 from imdim.program.front import Choice
 from imdim.program.outline import regions
+from imdim.program.paths import leaf_paths, without
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.rewrite.stacks import stack_turned_parts
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
@@ -58,6 +60,7 @@ from imdim.reconstruction.policy_beam import has_time_for_beam, load, load_if_an
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.reconstruction.rounding import settle_origin, snap_numbers
 from imdim.reconstruction.stand_ins import take_off_stand_ins
+from imdim.reconstruction.teeth_aside import Untoothed, put_teeth_on, set_teeth_aside
 from imdim.reconstruction.threads_aside import Unthreaded, set_threads_aside
 from imdim.search.evolve.population import EvolutionConfig
 from imdim.target.target import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
@@ -106,7 +109,8 @@ class Snapshot:
 class _BodyState:
     """A program of one body without its `chains` of fillets and chamfers, but with those `kept`, it and the `volume` in the body's units;
     `error` is relative to that, as `measure` gives it for any program of its structure. `found` are the relations that its points support,
-    None if they were not asked. `stop` is as a step's, `noisy` and `noise` as a snapshot's."""
+    None if they were not asked. The leaves of the numbers `teeth` are those of toothed rims. `stop` is as a step's, `noisy` and `noise` as
+    a snapshot's."""
 
     stage: str
     program: Program
@@ -119,6 +123,7 @@ class _BodyState:
     found: tuple[Constraint, ...] | None = None
     chains: tuple[Chain, ...] = ()
     kept: tuple[Chain, ...] = ()
+    teeth: frozenset[int] = frozenset()
     noisy: bool = False
     noise: MeasuredNoise | None = None
 
@@ -226,7 +231,7 @@ def _without_stand_ins(last: _BodyState, target: Target, work: _Work) -> _BodySt
     fit_by = work.budget.end_of("fit")
     if work.settings.language != "cad" or target.mesh is None or not target.is_solid or last.noisy or fit_by.has_passed():
         return last
-    program, chains = take_off_stand_ins(last.program, target, fit_by)
+    program, chains = take_off_stand_ins(last.program, target, fit_by, last.teeth)
     if not chains:
         return last
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in last.front)
@@ -334,9 +339,11 @@ def _together(stage: str, states: list[_BodyState]) -> _BodyState:
     error, volume = _mean_error([s.error for s in states], states), sum(s.volume for s in states)
     chains, kept = (tuple(chain for found in each for chain in found) for each in zip(*((s.chains, s.kept) for s in states), strict=True))
     state = _BodyState(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found, chains, kept)
+    before = np.cumsum([0, *(count(s.program).primitives for s in states)]).tolist()
+    teeth = frozenset(first + number for s, first in zip(states, before, strict=False) for number in s.teeth)
     noises = [s.noise for s in states if s.noise is not None]
     noise = max(noises, key=lambda noise: noise.model.sigma, default=None)
-    return replace(state, noisy=any(s.noisy for s in states), noise=noise)
+    return replace(state, teeth=teeth, noisy=any(s.noisy for s in states), noise=noise)
 
 
 def _error(program: Program, states: Sequence[_BodyState]) -> float:
@@ -369,6 +376,28 @@ def _proof(proofs: list[str]) -> str:
 
 def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]:
     """Better and better programs of one body without its fillets and chamfers; it may take a share of the time left."""
+    drawn = work.settings.language == "cad" and work.method in METHODS.values()  # a person's program has its teeth
+    bare = set_teeth_aside(body) if drawn else Untoothed(body)
+    if bare.rims:
+        yield from (_put_teeth_on(state, bare.rims) for state in _bare_body(bare.target, work, share))
+    else:
+        yield from _bare_body(body, work, share)
+
+
+def _put_teeth_on(state: _BodyState, rims: tuple[ToothedRim, ...]) -> _BodyState:
+    """The state of a body without the teeth of its rims as one with them; its error is that of the rest."""
+    program, first = put_teeth_on(state.program, rims), count(state.program).primitives
+
+    def measure(program: Program) -> float:
+        return state.measure(without(program, [path for path, _ in leaf_paths(program)[first:]]) or program)
+
+    front = tuple(replace(choice, program=put_teeth_on(choice.program, rims)) for choice in state.front)
+    teeth = frozenset(range(first, count(program).primitives))
+    return replace(state, program=program, measure=measure, front=front, teeth=teeth)
+
+
+def _bare_body(body: Target, work: _Work, share: float) -> Iterator[_BodyState]:
+    """As `_body`, of one whose teeth are set aside."""
     unit, frame = in_unit_frame(body)
     detect_by = work.budget.part_of("detect", share)
     plain = set_threads_aside(unit, 1 / frame.scale) if work.settings.language == "cad" else Unthreaded(unit)

@@ -7,7 +7,7 @@ edge features of the program without them, where that is the same solid; the rou
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,12 +74,14 @@ class StandIn:
         return max(s.width for s in self.slivers)
 
 
-def take_off_stand_ins(program: Program, target: Target, deadline: Deadline = NEVER) -> tuple[Program, tuple[Chain, ...]]:
+def take_off_stand_ins(
+    program: Program, target: Target, deadline: Deadline = NEVER, known: Set[int] = frozenset()
+) -> tuple[Program, tuple[Chain, ...]]:
     """A program of a mesh without the boxes and prisms that stand for chamfers, and the chains that they stood for, in the target's units;
-    as far as time allows."""
+    as far as time allows. The primitives of `known` numbers are none."""
     chains: list[Chain] = []
     volume = to_manifold(program, CHECK_SEGMENTS).volume()
-    for stand_in in sorted(_find_both_ways(program, deadline), key=lambda s: -s.number):
+    for stand_in in sorted(_find_both_ways(program, deadline, known), key=lambda s: -s.number):
         own = [chain for sliver in stand_in.slivers if stand_in.kind != "cone" for chain in _chain_of(sliver)]
         rest = without(program, {leaf_paths(program)[stand_in.number][0]})
         if rest is None or len(own) < len(stand_in.slivers) or deadline.has_passed():
@@ -91,11 +93,11 @@ def take_off_stand_ins(program: Program, target: Target, deadline: Deadline = NE
     return program, tuple(chains)
 
 
-def _find_both_ways(program: Program, deadline: Deadline) -> Iterator[StandIn]:
+def _find_both_ways(program: Program, deadline: Deadline, known: Set[int]) -> Iterator[StandIn]:
     """Those of a program as it is, and those that show once cutters overshoot: a box that ends a hair inside the part takes off more than
     its bevels."""
     main, seats = _largest(program), _seats(program)
-    asked = {i for i, leaf in enumerate(leaves(program)) if _may_stand_in(leaf, main)} - seats
+    asked = {i for i, leaf in enumerate(leaves(program)) if i not in known and _may_stand_in(leaf, main)} - seats
     if not asked:
         return
     found = list(find_stand_ins(program, deadline, asked))
