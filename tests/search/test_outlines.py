@@ -1,5 +1,6 @@
 """Outlines as candidate families: plane arrangements, the best region, and planted parts that come back as one outline."""
 
+import math
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -9,13 +10,16 @@ import pytest
 
 from imdim.geometry.kernels import inside
 from imdim.geometry.solid import to_manifold, to_trimesh, volume_iou
+from imdim.geometry.surface import Surface
 from imdim.program.cost import CURVE_PRICES, curves_of
 from imdim.program.outline import Outline, check_crossings, circle
 from imdim.program.tree import Combine, Primitive, leaves
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.observation import UnitBody, observe
 from imdim.reconstruction.pipeline import reconstruct
+from imdim.search.arrangement import ArrangementConfig, arrange
 from imdim.search.outline_drawing import trace_loops
+from imdim.search.outline_families import MOST_WALLS, find_planes
 from imdim.search.outline_kernels import offer_outlines
 from imdim.search.outline_plane import OUTSIDE, Walls, _unpack, make_plane
 from imdim.search.outline_region import best_region, count_curves
@@ -236,3 +240,18 @@ def test_walls_without_length_are_no_error():
     region = best_region(flat, np.random.default_rng(0).normal(0, 1, found.faces), 0.05)
     assert region is not None
     assert region.inside.any()
+
+
+def test_a_plane_of_too_many_walls_keeps_those_that_show_the_most():
+    """Of a hundred walls the ten of least area are left out; the others still cut the plane."""
+    level = [Surface("plane", (0.0, 0.0, z), (0.0, 0.0, 1.0)) for z in (-1.0, 1.0)]
+    turns = np.linspace(0.1, 3.1, MOST_WALLS + 10).tolist()
+    walls = [Surface("plane", (math.cos(a), math.sin(a), 0.0), (math.cos(a), math.sin(a), 0.0)) for a in turns]  # about a circle
+    areas = [50.0, 50.0, *np.linspace(1.0, 3.0, len(walls)).tolist()]
+    bounds = np.array([[-2.0, -2.0, -1.0], [2.0, 2.0, 1.0]])
+    limits = ArrangementConfig(max_directions=len(walls) + 2, least_wall=1e-6, least_direction=1e-6)
+    arrangement = arrange([*level, *walls], areas, bounds, limits)
+    (plane,) = (p for p in find_planes(arrangement) if np.abs(arrangement.directions[p.direction].vector[2]) > 0.9)
+    shown = [arrangement.directions[b].shown[k] for b, k in plane.walls.columns]
+    assert len(shown) == MOST_WALLS
+    assert min(shown) > sorted(areas)[len(walls) - MOST_WALLS - 1]

@@ -26,12 +26,17 @@ ORTHOGONAL = 1.5e-3  # largest cosine of a right angle
 class Direction:
     """A unit vector and the sorted plane offsets [n >= 2] along it; the first and last are sentinels outside the part.
 
-    `detected` [n] tells the offsets of planes from those of centres, tangents and sentinels.
+    `shown` [n] is the visible area of the planes at an offset, 0 for those of centres, tangents and sentinels.
     """
 
     vector: np.ndarray
     offsets: np.ndarray
-    detected: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    shown: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def detected(self) -> np.ndarray:
+        """Which offsets [n] are those of planes."""
+        return self.shown > 0
 
     def bins(self, points: np.ndarray) -> np.ndarray:
         """Index [n] of the slab between consecutive offsets that holds each of `points` [n, 3]."""
@@ -40,7 +45,8 @@ class Direction:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Directions with offsets, curved carriers, triples of orthogonal directions (box frames), and three boxes [2, 3].
+    """Directions with offsets, curved carriers with the area that each shows, triples of orthogonal directions (box frames), and three
+    boxes [2, 3].
 
     `part` is the part's, `bounds` has a margin about it; `outer` holds the whole of every curved carrier that is not far larger than the
     part, so that what a sphere has outside the part counts against it until something cuts it off.
@@ -48,6 +54,7 @@ class Arrangement:
 
     directions: tuple[Direction, ...]
     curved: tuple[Surface, ...]
+    shown: tuple[float, ...]
     axis_of: tuple[int, ...]  # direction index of each curved surface's axis, -1 where it has none
     frames: tuple[tuple[int, int, int], ...]
     part: np.ndarray
@@ -88,9 +95,10 @@ def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndar
     vectors += _wall_vectors(surfaces, areas, vectors, config)
     outer = _outer([s for s, _ in curved], box, config.reach * diagonal)
     tol = config.merge * diagonal
-    directions = tuple(_direction(v, _offsets(v, surfaces, areas, box, outer, tol, config), surfaces, tol) for v in vectors)
+    directions = tuple(_direction(v, _offsets(v, surfaces, areas, box, outer, tol, config), surfaces, areas, tol) for v in vectors)
     axis_of = tuple(_axis_index(s, vectors) for s, _ in curved)
-    return Arrangement(directions, tuple(s for s, _ in curved), axis_of, frames, bounds, box, outer)
+    carriers, shown = tuple(s for s, _ in curved), tuple(a for _, a in curved)
+    return Arrangement(directions, carriers, shown, axis_of, frames, bounds, box, outer)
 
 
 def _outer(curved: Sequence[Surface], box: np.ndarray, reach: float) -> np.ndarray:
@@ -189,9 +197,10 @@ def _frames(vectors: list[np.ndarray], config: ArrangementConfig) -> tuple[tuple
     return tuple(islice(triples, config.max_frames))
 
 
-def _direction(v: np.ndarray, offsets: np.ndarray, surfaces: Sequence[Surface], tol: float) -> Direction:
-    planes = np.array([offset for s in surfaces if s.kind == "plane" for _, offset in _propose_offsets(s, v)])
-    return Direction(v, offsets, np.any(np.abs(offsets[:, None] - planes) <= tol, axis=1))
+def _direction(v: np.ndarray, offsets: np.ndarray, surfaces: Sequence[Surface], areas: Sequence[float], tol: float) -> Direction:
+    planes = [(at, area) for s, area in zip(surfaces, areas, strict=True) if s.kind == "plane" for _, at in _propose_offsets(s, v)]
+    at, shown = np.array(planes).reshape(-1, 2).T
+    return Direction(v, offsets, (np.abs(offsets[:, None] - at) <= tol) @ shown)
 
 
 def _offsets(

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -61,11 +62,25 @@ def _extruded(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
         rounds = [c for c, s in enumerate(arrangement.curved) if arrangement.axis_of[c] == a and s.kind == "cylinder"]
         ovals = [c for c, s in enumerate(arrangement.curved) if arrangement.axis_of[c] == a and s.kind == "elliptic"]
         count = len(lines) + len(rounds) + len(ovals)
-        if not across or (count < 3 and len(ovals) < 2) or count > MOST_WALLS:
+        if not across or (count < 3 and len(ovals) < 2):
             continue
+        if count > MOST_WALLS:
+            lines, rounds, ovals = _largest(arrangement, lines, rounds, ovals)
         frame = _frame_across(direction.vector, arrangement.directions[across[0]].vector)
         walls = _walls_across(arrangement, frame[:, :2], lines, rounds)
         yield make_plane("extrude", a, np.zeros(3), frame, _add_ovals(walls, arrangement, frame[:, :2], ovals))
+
+
+def _largest(
+    arrangement: Arrangement, lines: list[tuple[int, int]], rounds: list[int], ovals: list[int]
+) -> tuple[list[tuple[int, int]], list[int], list[int]]:
+    """The MOST_WALLS of these walls that show the most: the least may be missed, a plane may not."""
+    areas = [float(arrangement.directions[b].shown[k]) for b, k in lines] + [arrangement.shown[c] for c in (*rounds, *ovals)]
+    kept = set(np.argsort([-area for area in areas], kind="stable")[:MOST_WALLS].tolist())
+    walls = [*lines, *rounds, *ovals]
+    bounds = np.cumsum([0, len(lines), len(rounds), len(ovals)]).tolist()
+    each = [[walls[i] for i in range(first, last) if i in kept] for first, last in pairwise(bounds)]
+    return each[0], each[1], each[2]
 
 
 def _walls_across(arrangement: Arrangement, axes: np.ndarray, lines: Sequence[tuple[int, int]], rounds: Sequence[int]) -> Walls:
@@ -118,14 +133,14 @@ def _turned(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
         along = arrangement.directions[a].vector
         u = _frame_across(along, np.eye(3)[np.argmin(np.abs(along))])[:, 0]
         walls = _walls_about(arrangement, a, foot, members)
-        if len(walls.columns) <= MOST_WALLS:
-            yield make_plane("revolve", a, foot, np.stack([u, along, np.cross(u, along)], axis=1), walls)
+        yield make_plane("revolve", a, foot, np.stack([u, along, np.cross(u, along)], axis=1), walls)
 
 
 def _walls_about(arrangement: Arrangement, a: int, foot: np.ndarray, members: Sequence[int]) -> Walls:
     """Walls in the half plane (radius, height) about an axis along direction `a`: planes across it, and surfaces `members` about it."""
     direction = arrangement.directions[a]
-    levels = np.flatnonzero(direction.detected).tolist()
+    levels = np.flatnonzero(direction.detected)
+    levels = np.sort(levels[np.argsort(-direction.shown[levels], kind="stable")[: max(MOST_WALLS - len(members), 0)]]).tolist()
     straight = [c for c in members if arrangement.curved[c].kind in ("cylinder", "cone")]
     bent = [c for c in members if c not in straight]
     lines = [(0.0, 1.0, float(direction.offsets[k])) for k in levels]
