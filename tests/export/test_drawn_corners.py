@@ -281,12 +281,12 @@ def test_mirror_images_are_edited_together():
 
 
 def every_bend():
-    """All that a text may say of arcs: in the wedge, in the snake behind it, in a disc with a slanted flat, and in the lever; and a hexagon
-    that is measured from side to side."""
+    """All that a text may say of arcs: in the wedge, in the snake behind it, in a disc with two flats, one upright, and in the lever;
+    and a hexagon that is measured from side to side."""
     a, b, middle = (math.radians(t) for t in (20, 70, 225))
     ends = [(10 * math.cos(t), 10 * math.sin(t)) for t in (a, b, middle)]
     wide = math.tan((middle - b) / 4)
-    disc = Outline((((*ends[0], 0.0), (*ends[1], wide), (*ends[2], wide)), circle(3.0), socket(3.0, -6.0)))
+    disc = Outline((((*ends[0], 0.0), (ends[0][0], 6.0, 0.0), (*ends[1], wide), (*ends[2], wide)), circle(3.0), socket(3.0, -6.0)))
     parts = [
         Primitive("extrude", (5.0,), (40.0, 0.0, 1.0), outline=snake().outline),
         Primitive("extrude", (5.0,), (-45.0, 0.0, 1.0), outline=disc),

@@ -10,8 +10,10 @@ from tests.export.test_parameters import rendered
 
 from imdim.export.delivered import EditError, meanings
 from imdim.export.edit import change_values, solid_of
+from imdim.export.numbers import round_program
+from imdim.geometry.census import census_of
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
-from imdim.program.outline import Outline, circle
+from imdim.program.outline import Outline, arc_center, arc_radius, circle, ring_curves
 from imdim.program.tree import Combine, Primitive, leaves
 
 QUARTER = tan(np.pi / 8)  # the bulge of a quarter turn
@@ -277,3 +279,40 @@ def test_a_turned_bore_is_as_wide_as_the_hole_that_goes_on_from_it():
     _, bore, hole = leaves(change_values(part, {name: 6.6}).program)
     assert bore.outline.loops[0][4][0] == pytest.approx(3.3)
     assert hole.outline.bounds[0][1] == pytest.approx(-3.3)
+
+
+def notched(radius, half=20.0, deep=0.7):
+    """A disc with a notch between slanted walls that begin `half` degrees to either side of the x axis."""
+    a = np.radians(half)
+    low, high = (radius * np.cos(a), -radius * np.sin(a)), (radius * np.cos(a), radius * np.sin(a))
+    turn = tan((2 * np.pi - 2 * a) / 4)
+    return Outline((((*high, turn), (*low, 0.0), (deep * radius, -0.1 * radius, 0.0), (deep * radius, 0.15 * radius, 0.0)),))
+
+
+def test_the_rim_of_a_notched_disc_has_a_radius_and_stays_round():
+    part = opened(Primitive("extrude", (4.0,), outline=notched(30.0)))
+    (name,) = (name for name, value in part.values.items() if value == pytest.approx(30.0))
+    assert not any("angle" in name for name in part.values)
+    (wider,) = leaves(change_values(part, {name: 33.0}).program)
+    rim = ring_curves(wider.outline.loops[0])[0]
+    assert arc_radius(rim) == pytest.approx(33.0, abs=1e-9)
+    assert np.degrees(4 * np.arctan(rim[4])) == pytest.approx(320.0)
+
+
+@pytest.mark.parametrize("half", [17.3, 23.1, 33.7, 41.9])
+def test_a_flange_about_a_notched_disc_still_touches_it_all_round(half):
+    """Of a rim that its ends' six decimals move by a hair the flange would part here and there."""
+    ring = Outline((((31.0, -5.0, 0.0), (34.0, -5.0, 0.0), (34.0, -3.0, 0.0), (31.0, -3.0, 0.0)),))
+    disc = Primitive("extrude", (10.0,), outline=notched(31.0, half))
+    part = opened(Combine("union", disc, Primitive("revolve", (360.0,), outline=ring)))
+    assert census_of(solid_of(part)).kind == (1, 1, 0)
+    name = "plate_edge_x"  # how far the notch reaches in
+    assert census_of(solid_of(change_values(part, {name: 0.9 * part.values[name]}))).kind == (1, 1, 0)
+
+
+def test_rounding_leaves_arcs_on_round_circles():
+    around = ((30.0 * np.cos(0.3), 30.0 * np.sin(0.3), tan(1.1)), (30.0 * np.cos(4.7), 30.0 * np.sin(4.7), 0.0))
+    rounded_once = round_program(Primitive("extrude", (4.0,), (100.0, 0.0, 0.0), outline=Outline((around,))))
+    (arc, _) = ring_curves(rounded_once.outline.loops[0])
+    assert (*arc_center(arc), arc_radius(arc)) == pytest.approx((0.0, 0.0, 30.0), abs=1e-12)
+    assert round_program(rounded_once) == rounded_once

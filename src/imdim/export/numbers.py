@@ -13,12 +13,14 @@ from fractions import Fraction
 from functools import partial
 
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, Outline, ellipse
+from imdim.program.outline import Curve, Loop, Outline, Point, Ring, Vertex, arc_center, arc_radius, circle_of, ellipse, ring_curves
 from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
 
 SIGNIFICANT_DIGITS = 9
 LARGEST_PART = 12  # a fraction with a larger denominator is none that a person would write
 ON_CIRCLE = 1e-8  # by which a cosine may be off: what files keep of places
+ROUNDER, HARDLY_OFF = 3, 20.0  # digits, and units of the last one that is kept
+PROJECTED = (1, 50)  # times that a place is moved to one circle, and to two in turn, which may all but touch
 MAX_SEGMENTS = 4096  # facets of a circle in meshes and texts; a sphere has their square
 
 
@@ -70,8 +72,31 @@ class Rounding:
             return ellipse(rx, ry, float(self.length(loop.x)), float(self.length(loop.y)), float(self.angle(loop.angle)))
         rounded = [(float(self.length(x)), float(self.length(y)), round(b, SIGNIFICANT_DIGITS) + 0.0) for x, y, b in loop]
         following = [*rounded[1:], rounded[0]]
-        kept = tuple(vertex for vertex, after in zip(rounded, following, strict=True) if vertex[:2] != after[:2])
+        lasting = [vertex[:2] != after[:2] for vertex, after in zip(rounded, following, strict=True)]
+        on_circles = self._put_on_circles(loop, rounded) if all(lasting) and circle_of(loop) is None else rounded
+        kept = tuple(vertex for vertex, lasts in zip(on_circles, lasting, strict=True) if lasts)
         return kept if len(kept) > 2 or (len(kept) == 2 and kept[0][2] + kept[1][2] != 0) else None
+
+    def _put_on_circles(self, loop: Ring, rounded: list[Vertex]) -> list[Vertex]:
+        """The `rounded` vertices of a loop, those of arcs whose circles have round numbers exactly on these: walls on one circle are then
+        one wall, whatever draws them, where six decimals of their ends would part them by a hair. Half turns stay half turns."""
+        circles = [self._round_circle(curve) if curve[4] else None for curve in ring_curves(loop)]
+        ends = [_project((x, y), [c for c in (circles[k - 1], circles[k]) if c]) for k, (x, y, _) in enumerate(rounded)]
+        out: list[Vertex] = []
+        for circle, (_, _, bulge), start, end in zip(circles, rounded, ends, [*ends[1:], ends[0]], strict=True):
+            if circle is not None and abs(bulge) != 1:
+                (cx, cy), way = circle[0], math.copysign(1.0, bulge)
+                turn = math.atan2(end[1] - cy, end[0] - cx) - math.atan2(start[1] - cy, start[0] - cx)
+                bulge = math.tan(way * (way * turn % (2 * math.pi)) / 4)
+            out.append((*start, bulge))
+        return out
+
+    def _round_circle(self, arc: Curve) -> tuple[Point, float] | None:
+        """Centre and radius of an arc, where all are numbers of ROUNDER digits less than are kept, but for what its ends' digits leave."""
+        numbers = [*arc_center(arc), arc_radius(arc)]
+        x, y, radius = near = [round(n, self.decimals - ROUNDER) for n in numbers]
+        off = max(abs(a - b) for a, b in zip(numbers, near, strict=True))
+        return ((x, y), radius) if radius > 0 and off <= HARDLY_OFF * 10.0**-self.decimals else None
 
     def primitive(self, leaf: Primitive) -> Primitive:
         """The primitive that the rounded texts describe."""
@@ -81,6 +106,16 @@ class Rounding:
         if outline and leaf.kind == "revolve" and outline.bounds[0][0] < 0:
             outline = leaf.outline  # an arc that touches the axis would cross it
         return Primitive(leaf.kind, size, (float(cx), float(cy), float(cz)), (float(rx), float(ry), float(rz)), outline)
+
+
+def _project(place: Point, circles: Sequence[tuple[Point, float]]) -> Point:
+    """The place on one circle, or on two, next to one that is all but there."""
+    x, y = place
+    for _ in range(len(circles) and PROJECTED[len(circles) - 1]):
+        for (cx, cy), radius in circles:
+            stretch = radius / math.hypot(x - cx, y - cy)
+            x, y = cx + (x - cx) * stretch, cy + (y - cy) * stretch
+    return x, y
 
 
 def round_program(program: Program) -> Program:

@@ -136,7 +136,9 @@ class OutlineDimensions:
             self._let_lines_follow()
             return
         for arc in arcs:
-            arc.size = self.name_radius("arc_radius" if arc.crossed and not arc.end else ROUNDS[arc.half or arc.end, arc.inner], arc.radius)
+            arc.size = self.name_radius(
+                "arc_radius" if arc.rim or (arc.crossed and not arc.end) else ROUNDS[arc.half or arc.end, arc.inner], arc.radius
+            )
             hole = next((center for center in holes if math.dist(center, arc.center) <= self.slack), None)
             if hole:
                 arc.at = [self.find_place("center", axis, hole[axis]) for axis in (X, Y)]

@@ -14,6 +14,7 @@ HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
 QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter turn
 STEEP = 0.05  # of the radius: what an arc must reach along a line that it crosses
 TENTH = 0.1  # of a radius
+WIDEST = 120.0  # degrees by which an arc turns that is told by its radius: the ends of a wider one soon lie too far apart for that
 X, Y = 0, 1
 
 Row = dict[int, float]  # a sum of variables: their factors
@@ -41,7 +42,8 @@ class DrawnLine:
 class DrawnArc:
     """An arc with the variables of its centre and radius, once it has them. One that is `half` turns by 180 degrees, a `wide` one by more
     than 90. `inner` ones bound a hole, those that are `crossed` have no angles of their own, and `loose` ones are told by their ends and
-    have no centre, but for an `end`, whose ends are where the lines beside it touch it."""
+    have no centre, but for an `end`, whose ends are where the lines beside it touch it. A `rim` turns far, and its ends lie where they do
+    about its centre."""
 
     center: tuple[float, float]
     radius: float
@@ -51,6 +53,7 @@ class DrawnArc:
     loose: bool = False
     end: bool = False
     crossed: bool = False
+    rim: bool = False
     at: list[Row | None] = field(default_factory=lambda: [None, None])
     size: Row = field(default_factory=dict)
 
@@ -225,6 +228,8 @@ class OutlineJoints:
                 joint.touches = -1
             elif smooth[(k + 1) % n] and (k + 1) % n not in loose:
                 joint.touches = 1
+            elif abs(joint.turn) > WIDEST and not loose[k].half and self._is_between_movable(joints, k):
+                loose[k].loose, loose[k].rim = False, True
         if all(j.touches == -1 for j in joints):
             joints[0].touches = 0  # one of a ring of arcs is not told by the others
 
@@ -239,6 +244,13 @@ class OutlineJoints:
 
     def _is_between_lines(self, joints: Sequence[Joint], k: int) -> bool:
         return isinstance(joints[k].before, DrawnLine) and isinstance(joints[(k + 1) % len(joints)].after, DrawnLine)
+
+    def _is_between_movable(self, joints: Sequence[Joint], k: int) -> bool:
+        """Whether the curves beside an arc, which may be written as two, go wherever its ends are."""
+        arc, n = joints[k].after, len(joints)
+        before = next((joints[k - i].before for i in range(n) if joints[k - i].before is not arc), arc)
+        after = next((joints[(k + i) % n].after for i in range(1, n) if joints[(k + i) % n].after is not arc), arc)
+        return all(c.across is None if isinstance(c, DrawnLine) else c.loose and not c.end for c in (before, after))
 
     def _is_end(self, arc: DrawnArc, corner: Point | None, before: Curve, after: Curve) -> bool:
         """Whether an arc between two lines that touch it rounds no corner, or lies about a hole."""

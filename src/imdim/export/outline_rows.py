@@ -21,7 +21,7 @@ from imdim.export.drawn_vertex import (
     turn_round,
 )
 from imdim.export.outline_dimensions import ROUNDS, OutlineDimensions, side_of
-from imdim.export.outline_joints import HALF, DrawnArc, DrawnLine, Joint, Row, X, Y, sum_rows
+from imdim.export.outline_joints import HALF, WIDEST, DrawnArc, DrawnLine, Joint, Row, X, Y, sum_rows
 from imdim.export.outline_walls import NO_RADIUS, RoundWall, bind_coaxial, find_flat_walls
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
@@ -34,7 +34,6 @@ from imdim.program.tree import Primitive
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
-WIDEST = 120.0  # degrees by which an arc turns that is told by its radius: the ends of a wider one soon lie too far apart for that
 ANGLE_DECIMALS = 6  # of a degree that comes of the digits of vertices
 PLAIN_ANGLE = 15.0  # degrees: a regular polygon that is turned by a multiple of that needs no name for it
 
@@ -146,14 +145,14 @@ class _VertexSums:
                 center = _center(joint.about, 1)
                 rows.append(DrawnVertex(center.x, center.y, bend))
                 continue
-            x, y = chamfered.get(k) or self._filling(joint) or (self._vertex(joint, X), self._vertex(joint, Y))
+            x, y = chamfered.get(k) or self._filling(joint) or self._on_rim(joint) or (self._vertex(joint, X), self._vertex(joint, Y))
             rows.append(DrawnVertex(Sum(x, joint.at[X]), Sum(y, joint.at[Y]), bend))
         return tuple(rows)
 
     def _bend(self, joint: Joint, bulge: float) -> Bend[Sum]:
         """How the curve after a joint bends."""
         arc, way = joint.after, 1 if bulge > 0 else -1
-        if not isinstance(arc, DrawnArc) or (not arc.loose and not arc.crossed):
+        if not isinstance(arc, DrawnArc) or not (arc.loose or arc.crossed or arc.rim):
             return bulge
         if not arc.loose:
             return _center(arc, way)
@@ -201,6 +200,14 @@ class _VertexSums:
             sum_rows((self._vertex(corner, axis), 1.0), (size, away[axis] / arc.radius if abs(away[axis]) > self.of.slack else 0.0))
             for axis in (X, Y)
         )
+        return x, y
+
+    def _on_rim(self, joint: Joint) -> tuple[Row, Row] | None:
+        """The end of a rim: as many radii from its centre as now, the same way."""
+        arc = next((c for c in (joint.before, joint.after) if isinstance(c, DrawnArc) and c.rim), None)
+        if arc is None:
+            return None
+        x, y = (sum_rows((arc.at[axis] or {}, 1.0), (arc.size, (joint.at[axis] - arc.center[axis]) / arc.radius)) for axis in (X, Y))
         return x, y
 
     def _vertex(self, joint: Joint, axis: int) -> Row:

@@ -14,7 +14,7 @@ from imdim.search.outline_plane import OutlinePlane
 
 NO_LENGTH = 1e-6  # of the unit frame: a curve no longer is none
 NEAR_NODE = 0.03  # of the unit frame, within which a tangent point is that of a node
-WIDE = 1.5 * math.pi  # radians, from which an arc is drawn as two
+WIDE = 6.0  # radians, from which an arc is drawn as two
 
 
 def draw_outline(plane: OutlinePlane, inside: np.ndarray) -> Outline:

@@ -51,3 +51,16 @@ def test_what_other_material_is_beyond_stays_out_of_reach():
     notch = _drawn((-10, 10), (0, 10), (0, 21), (-10, 21), height=12.0)
     *_, after = leaves(reach_walls_far(Combine("difference", part, notch)))
     assert max(y for _, y, _ in after.outline.loops[0]) == 23.0  # of 5 mm that are left less than half
+
+
+def test_a_ring_sinks_into_the_disc_that_it_touches():
+    disc = Primitive("cylinder", (20.0, 10.0))
+    ring = Primitive("revolve", (360.0,), outline=Outline((((20.0, -5.0, 0.0), (24.0, -5.0, 0.0), (24.0, -3.0, 0.0), (20.0, -3.0, 0.0)),)))
+    _, sunk = leaves(reach_walls_far(Combine("union", disc, ring)))
+    assert sunk.outline.bounds[0][0] < 19.0
+    assert sunk.outline.bounds[1] == (24.0, -3.0)
+    bored = Combine("difference", Combine("union", disc, ring), Primitive("cylinder", (19.9, 20.0)))
+    assert (
+        list(leaves(reach_walls_far(Combine("union", Combine("difference", disc, Primitive("cylinder", (19.9, 20.0))), ring))))[-1] == ring
+    )
+    assert to_manifold(reach_walls_far(bored)).volume() == pytest.approx(to_manifold(bored).volume(), rel=1e-3)

@@ -56,7 +56,7 @@ def _shows_at_probes(program: Program, placed: list[PosedPrimitive], index: int,
 
 
 def probes(region: Primitive) -> np.ndarray:
-    """At most PROBES points [n, 3] strewn evenly over a box, cylinder, cone or extrusion, away from its rim (after Roberts 2018)."""
+    """At most PROBES points [n, 3] strewn evenly over a box, cylinder, cone or drawing, away from its rim (after Roberts 2018)."""
     u = (np.arange(1, PROBES + 1)[:, None] * np.array([0.8191725134, 0.6710436067, 0.5497004779])) % 1.0
     if region.kind == "box":
         local = (u - 0.5) * region.size
@@ -64,7 +64,11 @@ def probes(region: Primitive) -> np.ndarray:
         low, high = np.array(region.outline.bounds)
         flat = low + (high - low) * u[:, :2]
         inner = kernels.outline_sdf(Outlines.of([region]).curves, flat) < -(1 - INSCRIBED) * extent(region.outline)
-        local = np.column_stack([flat, (u[:, 2] - 0.5) * region.size[-1]])[inner]
+        if region.kind == "revolve":
+            turn = np.radians(region.size[0]) * u[:, 2]
+            local = np.column_stack([flat[:, 0] * np.cos(turn), flat[:, 0] * np.sin(turn), flat[:, 1]])[inner]
+        else:
+            local = np.column_stack([flat, (u[:, 2] - 0.5) * region.size[-1]])[inner]
     else:
         bottom, top = region.size[0], region.size[-2]
         rho = INSCRIBED * np.sqrt(u[:, 0]) * (bottom + (top - bottom) * u[:, 2])

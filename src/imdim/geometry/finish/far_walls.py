@@ -15,6 +15,7 @@ import numpy as np
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.active_zone import matters
 from imdim.geometry.finish.cutter_walls import LEANING
+from imdim.geometry.finish.extend import SHRINK
 from imdim.geometry.finish.far_ends import round_numbers
 from imdim.geometry.finish.posed import PosedPrimitive, diagonal
 from imdim.program.ellipse import Ellipse
@@ -28,7 +29,7 @@ SHORTEST = 1e-3  # of a wall's length, that it keeps
 
 
 def reach_walls_far(program: Program, folded: Folded | None = None, deadline: Deadline = NEVER) -> Program:
-    """The same solid whose extrusions' straight walls lie far out where nothing is seen of them.
+    """The same solid whose drawings' straight walls lie far out where nothing is seen of them.
 
     `folded`, which `program` is the expansion of, says which leaves have copies: these stay as they are. Past the `deadline` (by default
     never) the others stay.
@@ -37,7 +38,7 @@ def reach_walls_far(program: Program, folded: Folded | None = None, deadline: De
     size = diagonal([part for part, s in zip(placed, signs(program), strict=True) if s > 0])
     copies = {} if folded is None else copies_of(folded)
     for i, part in enumerate(placed):
-        if part.leaf.kind == "extrude" and len(copies.get(i, (i,))) == 1 and (folded is None or i in copies):
+        if part.leaf.outline is not None and len(copies.get(i, (i,))) == 1 and (folded is None or i in copies):
             for loop, curve in _straight_walls(part.leaf):
                 placed = placed if deadline.has_passed() else _move_out(program, placed, i, loop, curve, size)
     return map_leaves(program, lambda i, _: placed[i].leaf)
@@ -57,13 +58,24 @@ def _move_out(program: Program, placed: list[PosedPrimitive], i: int, loop: int,
     """The primitives with one wall further out, furthest first; as they are where something is seen of it, or it lies so far out."""
     leaf = placed[i].leaf
     for step in round_numbers(REACH * size):
-        behind, beyond = _between(leaf, loop, curve, -step, 0.0), _between(leaf, loop, curve, 0.0, 2 * step)
+        skin = _skin(leaf, loop, curve)
+        behind, beyond = _between(leaf, loop, curve, -step, -skin), _between(leaf, loop, curve, skin, 2 * step)
         if behind is not None and not matters(program, placed, i, behind):
             return placed
         moved = None if beyond is None or matters(program, placed, i, beyond) else _with_wall(leaf, loop, curve, step)
         if moved is not None:
             return [*placed[:i], PosedPrimitive(moved), *placed[i + 1 :]]
     return placed
+
+
+def _skin(leaf: Primitive, loop: int, curve: int) -> float:
+    """How thick a gap is that facets leave between a turned wall and what has the same round surface; 0 for a plane one."""
+    assert leaf.outline is not None
+    ring = leaf.outline.loops[loop]
+    if leaf.kind != "revolve" or isinstance(ring, Ellipse):
+        return 0.0
+    x, _, u, _, _ = ring_curves(ring)[curve]
+    return SHRINK * max(x, u)
 
 
 def _ends_at(leaf: Primitive, loop: int, curve: int, away: float) -> tuple[np.ndarray, np.ndarray] | None:
@@ -89,6 +101,8 @@ def _between(leaf: Primitive, loop: int, curve: int, low: float, high: float) ->
     if ends[0] is None or ends[1] is None:
         return None
     corners = (*ends[0], *ends[1][::-1])
+    if leaf.kind == "revolve" and min(x for x, _ in corners) < 0:
+        return None
     return replace(leaf, outline=Outline((tuple((float(x), float(y), 0.0) for x, y in corners),)))
 
 
@@ -103,6 +117,8 @@ def _with_wall(leaf: Primitive, loop: int, curve: int, away: float) -> Primitive
     for k, (x, y) in zip((curve, (curve + 1) % len(ring)), ends, strict=True):
         corners[k] = (float(x), float(y), corners[k][2])
     outline = Outline(tuple(tuple(corners) if n == loop else other for n, other in enumerate(leaf.outline.loops)))
+    if leaf.kind == "revolve" and outline.bounds[0][0] < 0:
+        return None
     try:
         check_crossings(outline)
     except ValueError:
