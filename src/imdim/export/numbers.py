@@ -19,7 +19,7 @@ from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
 SIGNIFICANT_DIGITS = 9
 LARGEST_PART = 12  # a fraction with a larger denominator is none that a person would write
 ON_CIRCLE = 1e-8  # by which a cosine may be off: what files keep of places
-ROUNDER, HARDLY_OFF = 3, 20.0  # digits, and units of the last one that is kept
+ROUNDER, HARDLY_OFF = 2, 3.0  # digits, and units of the last one that is kept
 PROJECTED = (1, 50)  # times that a place is moved to one circle, and to two in turn, which may all but touch
 MAX_SEGMENTS = 4096  # facets of a circle in meshes and texts; a sphere has their square
 
