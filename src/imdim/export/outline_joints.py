@@ -228,7 +228,7 @@ class OutlineJoints:
                 joint.touches = -1
             elif smooth[(k + 1) % n] and (k + 1) % n not in loose:
                 joint.touches = 1
-            elif abs(joint.turn) > WIDEST and not loose[k].half and self._is_between_movable(joints, k):
+            elif abs(joint.turn) > WIDEST and self._is_rim(loose[k]) and self._is_between_movable(joints, k):
                 loose[k].loose, loose[k].rim = False, True
         if all(j.touches == -1 for j in joints):
             joints[0].touches = 0  # one of a ring of arcs is not told by the others
@@ -244,6 +244,11 @@ class OutlineJoints:
 
     def _is_between_lines(self, joints: Sequence[Joint], k: int) -> bool:
         return isinstance(joints[k].before, DrawnLine) and isinstance(joints[(k + 1) % len(joints)].after, DrawnLine)
+
+    def _is_rim(self, arc: DrawnArc) -> bool:
+        """Whether an arc runs about the middle of its drawing: elsewhere a tenth more of where it is would take it out of its loop."""
+        (left, low), (right, high) = self.outline.bounds
+        return not arc.half and math.dist(arc.center, ((left + right) / 2, (low + high) / 2)) < arc.radius
 
     def _is_between_movable(self, joints: Sequence[Joint], k: int) -> bool:
         """Whether the curves beside an arc, which may be written as two, go wherever its ends are."""
