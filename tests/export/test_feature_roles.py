@@ -1,14 +1,19 @@
 """Ribs, slots and bores by what lies around them, and what their sizes are called."""
 
+import math
+
 import pytest
 from tests.export.test_hole_names import opened
 from tests.planted import PARTS, box, cut, cylinder, union
 
+from imdim.delivery.finish import finish
+from imdim.delivery.report import describe_repeat
 from imdim.export.edit import change_values, solid_of
 from imdim.export.feature_roles import feature_roles
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.motions import move_program, turn
 from imdim.program.outline import Outline
+from imdim.program.repeats import repeats
 from imdim.program.tree import Primitive
 
 PLATE = box(80, 50, 6)
@@ -71,3 +76,16 @@ def test_a_tilted_part_has_the_same_roles(axis):
 )
 def test_other_features_keep_their_names(part, roles):
     assert feature_roles(part) == roles
+
+
+@pytest.mark.parametrize(("count", "word", "said"), [(8, "tooth", "8 teeth on a circle"), (7, "profile", "7 profiles on a circle")])
+def test_eight_drawn_parts_on_a_circle_are_teeth(count, word, said):
+    tooth = Outline((((-3.0, -2.0, 0.0), (3.0, -1.0, 0.0), (3.0, 1.0, 0.0), (-3.0, 2.0, 0.0)),))
+    turns = [360.0 * k / count for k in range(count)]
+    places = [(20 * math.cos(math.radians(t)), 20 * math.sin(math.radians(t)), 0.0) for t in turns]
+    found = finish(
+        union(cylinder(19, 10), *(Primitive("extrude", (10.0,), p, (0.0, 0.0, t), tooth) for p, t in zip(places, turns, strict=True)))
+    )
+    assert [label for label in found.labels if label == word] == [word] * count
+    ((first, repeat),) = repeats(found.folded)
+    assert describe_repeat(repeat, found.labels[first]) == said

@@ -56,6 +56,13 @@ def test_a_gear_is_a_disc_and_a_tooth(count, place):
     assert len({leaf.outline for leaf in own}) == 1
 
 
+def test_the_first_tooth_is_at_a_round_angle():
+    solid = to_manifold(gear(20, turned=4.5))
+    (rim,) = set_aside(solid).rims
+    first = list(leaves(put_teeth_on(cylinder(18, 10), (rim,))))[1]
+    assert first.rotation[2] % 18 == pytest.approx(4.5, abs=1e-9)
+
+
 def test_a_ring_with_teeth_inside_is_one_too():
     solid = to_manifold(union(cut(cylinder(30, 10), cylinder(23, 20)), *teeth(16, INNER)))
     bare = set_aside(solid)

@@ -23,7 +23,7 @@ from imdim.geometry.surface import CLOSED_KINDS, unit
 
 Kind = Literal["thread", "teeth", "text", "freeform"]
 
-REGULAR = 0.05  # of the pitch
+ONE_DEPTH = 0.05  # of a text's depth, by which that of its pieces differs
 ROUND_ENDS = 0.5  # of the height of flanks: tips and roots beyond them
 LEAST_LETTERS = 3
 MOST_FACES = 200  # flat ones, the largest, that may carry text
@@ -109,7 +109,7 @@ def _is_text(areas: np.ndarray, depths: np.ndarray) -> bool:
     """Whether pieces [k] of these areas and depths are letters: of one depth, and not all alike."""
     if len(areas) < LEAST_LETTERS or np.ptp(areas) < UNLIKE * areas.max():
         return False
-    return bool(np.mean(np.abs(depths - np.median(depths)) < REGULAR * np.median(depths)) >= LEVEL)
+    return bool(np.mean(np.abs(depths - np.median(depths)) < ONE_DEPTH * np.median(depths)) >= LEVEL)
 
 
 def _faces_of(facets: Facets) -> tuple[np.ndarray, np.ndarray]:

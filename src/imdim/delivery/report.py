@@ -168,11 +168,18 @@ def _group(group: HoleGroup) -> dict[str, Any]:
     }
 
 
+PLURALS = {"tooth": "teeth"}  # of the words for features, those that are not regular
+
+
 def describe_repeat(repeat: Repeat, label: str) -> str:
     """In words: "12 holes as a 3 x 4 grid"."""
     own = size(repeat.part)
     word = label.rstrip("0123456789").replace("_", " ")
-    what = f"{repeat.number} {word}{'es' if word.endswith('s') else 's'}" if own == 1 else f"{repeat.number} groups of {own} primitives"
+    what = (
+        f"{repeat.number} {PLURALS.get(word, f'{word}es' if word.endswith('s') else f'{word}s')}"
+        if own == 1
+        else f"{repeat.number} groups of {own} primitives"
+    )
     counts = " x ".join(map(str, repeat.counts))
     how = {
         "linear": "in a row",

@@ -21,7 +21,7 @@ LEANS = 0.2  # sine: a flank leans out of the way to the axis by more, a facet o
 REGULAR = 0.05  # of the pitch
 MOST_REGULAR = 0.75  # share of the gaps, and of the flanks: a row of teeth may be broken
 TOOTH = (0.1, 0.9)  # of the pitch: from one flank to the other
-FLAT_FACE = math.cos(math.radians(0.5))
+PARALLEL = math.cos(math.radians(0.5))
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def _merge(facets: Facets, rows: Iterator[FlankRow]) -> list[FlankRow]:
         for i, other in enumerate(out):
             arm = row.point - other.point
             axis = other.frame[:, 2]
-            alike = bool(row.radius) == bool(other.radius) and row.teeth == other.teeth and abs(float(axis @ row.frame[:, 2])) > FLAT_FACE
+            alike = bool(row.radius) == bool(other.radius) and row.teeth == other.teeth and abs(float(axis @ row.frame[:, 2])) > PARALLEL
             if alike and row.radius and np.linalg.norm(arm - (arm @ axis) * axis) < near:
                 both, chain = np.union1d(other.facets, row.facets), np.union1d(other.chain, row.chain)
                 out[i] = replace(other, facets=both, chain=chain, radius=(other.radius + row.radius) / 2)

@@ -34,6 +34,7 @@ ARC_DEG = 1.0  # between corners of the root circle under a tooth
 ROUND = 1e-3  # of the radius of a circle, by which corners of a round groove may be off it
 ROUND_CORNERS = 6  # that a round groove has at least
 FEW_ROUND = 30  # round grooves or lobes, that a search finds as such
+ROUND_DEG, NEARLY_DEG = 0.5, 0.005  # degrees, to which the angle of the first tooth is rounded, and by how much at most
 LOST = 0.05  # of the volume of the teeth, that taking them off and putting them on may change
 
 
@@ -119,6 +120,8 @@ def _read_rim(row: FlankRow, facets: Facets, solid: Manifold) -> ToothedRim | No
         loops = local.slice(low + level * (high - low)).to_polygons()
         if loops and (found := _read_loops(loops, (nearest - beyond, farthest + beyond), count, facets.diagonal)) is not None:
             radius, tooth, angle, places, outward = found
+            rounded = math.radians(round(math.degrees(angle) / ROUND_DEG) * ROUND_DEG)
+            angle = rounded if abs(rounded - angle) < math.radians(NEARLY_DEG) else angle
             c, s = math.cos(angle), math.sin(angle)
             turned = frame @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
             return ToothedRim(row.point, turned, radius, low, high, tooth, count, places, outward)
@@ -160,7 +163,7 @@ def _read_loops(loops: list[np.ndarray], between: tuple[float, float], count: in
         return None
     spread = float(np.ptp(away[band]))
     radius = float(away[band].max() if outward else away[band].min()) if spread <= slack else root
-    is_root = close & (np.abs(away - radius) <= max(slack, 1e-9))
+    is_root = close & (np.abs(away - radius) <= slack)
     return _gather(list(_split(ring, is_root)), radius, count, outward)
 
 

@@ -45,7 +45,8 @@ def feature_roles(program: Program, folded: Folded | None = None) -> list[str]:
     roles = [found[i].word if i in found and role in ("block", "pocket", "cutout", "hole") else role for i, role in enumerate(roles)]
     if folded is None:
         return roles
-    roles = ["tooth" if i in _teeth(folded) and role in DRAWN else role for i, role in enumerate(roles)]
+    teeth = _teeth(folded)
+    roles = ["tooth" if i in teeth and role in DRAWN else role for i, role in enumerate(roles)]
     return [roles[source] for source, _ in instances(folded)]
 
 

@@ -22,13 +22,11 @@ from imdim.geometry.solid import exact_rotation
 from imdim.install import install_command
 from imdim.program.edges import Blending, EdgeFeature
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Curve, Loop, Ring, Vertex, arc_center, arc_middle, arc_radius, circle_of, regions, ring_curves
+from imdim.program.outline import Curve, Loop, arc_center, arc_radius, circle_of, regions, ring_curves
 from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, longest
 
 # OpenCASCADE takes points closer than 1e-7 for one, so a part needs to be a good deal larger
 SMALLEST_SIZE = 1e-4
-
-WIDE = math.tan(3 * math.pi / 8)  # the bulge of an arc of three quarters of a turn
 
 INTEGRATION_ERROR = 1e-6  # relative; without it, a NURBS face is off by 4e-4
 
@@ -193,24 +191,11 @@ def _wire(loop: Loop, place: Callable[[float, float], Vec3], normal: Vec3) -> An
         turn = 1.0 if loop[0][2] > 0 else -1.0
         circle = gp.gp_Circ(gp.gp_Ax2(gp.gp_Pnt(*place(x, y)), gp.gp_Dir(*(turn * n for n in normal))), radius)
         return api.BRepBuilderAPI_MakeWire(api.BRepBuilderAPI_MakeEdge(circle).Edge()).Wire()
-    loop = tuple(_halve_wide(loop))
     corners = [api.BRepBuilderAPI_MakeVertex(gp.gp_Pnt(*place(x, y))).Vertex() for x, y, _ in loop]
     wire = api.BRepBuilderAPI_MakeWire()
     for curve, start, end in zip(ring_curves(loop), corners, [*corners[1:], corners[0]], strict=True):
         wire.Add(api.BRepBuilderAPI_MakeEdge(_carrier(curve, place, normal), start, end).Edge())
     return wire.Wire()
-
-
-def _halve_wide(loop: Ring) -> Iterator[Vertex]:
-    """The vertices of a loop with one more on each arc of more than three quarters of a turn: booleans of walls that all but close on
-    themselves fail."""
-    for curve in ring_curves(loop):
-        x, y, _, _, bulge = curve
-        if abs(bulge) > WIDE:
-            half = math.tan(math.atan(bulge) / 2)
-            yield from ((x, y, half), (*arc_middle(curve), half))
-        else:
-            yield x, y, bulge
 
 
 def _oval(loop: Ellipse, place: Callable[[float, float], Vec3], normal: Vec3) -> Any:

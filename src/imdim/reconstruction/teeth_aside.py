@@ -25,14 +25,13 @@ SUNK = (0.1, 0.02, 0.004)  # of the radius of a rim, by which teeth begin within
 STEEP = 0.6  # cosine between the end of a flank and the way to the axis
 FILLED = 1e-5  # of the volume of the teeth, that they may fill beside themselves
 FINE = 2e-5  # of the radius: numbers of a tooth are rounded to the next finer power of ten
-ROUND_DEG, NEARLY_DEG = 0.5, 0.005  # degrees, to which the angle of the first tooth is rounded, and by how much at most
 ONE_AXIS = 1e-3  # of the radius, by which the axis of the teeth may be off that of a part, which is theirs then
 ONE_LEVEL = 1e-4  # of it, likewise for their ends
 PARALLEL = 1 - 1e-9
 
 
 class Untoothed(NamedTuple):
-    """A target without teeth, and the leaves that these are, in its units."""
+    """A target without teeth, and the rims that had them, in its units."""
 
     target: Target
     rims: tuple[ToothedRim, ...] = ()

@@ -14,8 +14,8 @@ from imdim.search.outline_plane import OutlinePlane
 
 NO_LENGTH = 1e-6  # of the unit frame: a curve no longer is none
 NEAR_NODE = 0.03  # of the unit frame, within which a tangent point is that of a node
-WIDE, LARGE = (1.5 * math.pi, 6.0), 0.1  # radians, from which an arc is drawn as two: a small one, and one of such a radius of the unit
-# frame, a rim: what is small and all but closed is told badly by its ends
+WIDE, RIM_WIDE = 1.5 * math.pi, 6.0  # radians, from which an arc is drawn as two, and a rim: the ends of a small one then tell it badly
+RIM = 0.1  # of the unit frame: the least radius of a rim
 
 
 def draw_outline(plane: OutlinePlane, inside: np.ndarray) -> Outline:
@@ -124,7 +124,7 @@ def _vertices(plane: OutlinePlane, run: list[tuple[int, bool]], begin: np.ndarra
     (ax, ay), (bx, by) = begin - center, end - center
     turn = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
     turn += 2 * math.pi * round((about - turn) / (2 * math.pi))
-    if abs(turn) < WIDE[math.hypot(ax, ay) > LARGE]:
+    if abs(turn) < (RIM_WIDE if math.hypot(ax, ay) > RIM else WIDE):
         return [(x, y, math.tan(turn / 4))]
     cosine, sine, bulge = math.cos(turn / 2), math.sin(turn / 2), math.tan(turn / 8)
     return [(x, y, bulge), (float(center[0] + cosine * ax - sine * ay), float(center[1] + sine * ax + cosine * ay), bulge)]

@@ -69,13 +69,13 @@ def _move_out(program: Program, placed: list[PosedPrimitive], i: int, loop: int,
 
 
 def _skin(leaf: Primitive, loop: int, curve: int) -> float:
-    """How thick a gap is that facets leave between a turned wall and what has the same round surface; 0 for a plane one."""
+    """How thick a gap is that facets leave between a turned wall and what has the same round surface; 0 where that is a plane."""
     assert leaf.outline is not None
     ring = leaf.outline.loops[loop]
     if leaf.kind != "revolve" or isinstance(ring, Ellipse):
         return 0.0
-    x, _, u, _, _ = ring_curves(ring)[curve]
-    return SHRINK * max(x, u)
+    x, y, u, v, _ = ring_curves(ring)[curve]
+    return SHRINK * max(x, u) if y != v else 0.0
 
 
 def _ends_at(leaf: Primitive, loop: int, curve: int, away: float) -> tuple[np.ndarray, np.ndarray] | None:

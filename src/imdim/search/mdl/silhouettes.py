@@ -49,7 +49,7 @@ MOST_LINES = 6
 OUTERMOST = (0.02, 0.98)  # quantiles of coordinates, beyond which points may be strays
 
 
-class Shown(NamedTuple):
+class ShownPrimitives(NamedTuple):
     """The `primitives` that points show, and whether time has `cut` the look for them."""
 
     primitives: list[Primitive]
@@ -78,7 +78,9 @@ class _View:
         return out
 
 
-def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, deadline: Deadline = NEVER, drawn: bool = False) -> Shown:
+def outlines(
+    points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, deadline: Deadline = NEVER, drawn: bool = False
+) -> ShownPrimitives:
     """Cylinders, cones and boxes for `points` [n, 3] with noise of deviation `sigma`, if `drawn` solids of outlines too; some may be wrong.
 
     `axes` [3, 3] has the part's directions as columns. Past the `deadline` (by default never) nothing more is looked for; each
@@ -89,7 +91,7 @@ def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, 
     out, cut = list[Primitive](), False
     for k in range(3):
         if deadline.has_passed():
-            return Shown(out, True)
+            return ShownPrimitives(out, True)
         axis_by = deadline.ahead(deadline.left() / (3 - k))
         view = _View(local, axes, k, sigma)
         out += _boxes(view)
@@ -108,7 +110,7 @@ def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, 
             out += trace_turned_outlines(points, axes, k, centers, sigma)
             out += trace_extruded_outlines(points, axes, k, _with_ends(_levels(local[:, k], sigma), local[:, k], sigma), sigma, axis_by)
         cut |= axis_by.has_passed()
-    return Shown(out, cut)
+    return ShownPrimitives(out, cut)
 
 
 def _apart(centers: list[np.ndarray], least: float) -> list[np.ndarray]:
