@@ -40,7 +40,7 @@ def test_noise_is_measured_once_in_a_whole_fit(part, of_points, of_mesh, tmp_pat
     monkeypatch.setattr(observation, "measure_noise", count("points", measure_noise))
     monkeypatch.setattr(surface_elements, "measure_noise", count("points", measure_noise))
     monkeypatch.setattr(observation, "measure_mesh_noise", count("mesh", observation.measure_mesh_noise))
-    result = imdim.reconstruct(part, imdim.Settings(budget_s=4.0, evolution=False, checkpoint="none"), seed=0)
+    result = imdim.reconstruct(part, imdim.Settings(budget_s=30.0, evolution=False, checkpoint="none"), seed=0)
     report = result.save(tmp_path / "out")
     assert calls == {"points": of_points, "mesh": of_mesh}
     assert report["verdict"]
@@ -48,7 +48,7 @@ def test_noise_is_measured_once_in_a_whole_fit(part, of_points, of_mesh, tmp_pat
 
 def test_what_was_measured_is_in_the_parts_units():
     points = 25 * shaken(3e-3)
-    result = imdim.reconstruct(points, imdim.Settings(budget_s=4.0, evolution=False, checkpoint="none"), seed=0)
+    result = imdim.reconstruct(points, imdim.Settings(budget_s=30.0, evolution=False, checkpoint="none"), seed=0)
     assert result.noise is not None
     model, kept = measure_noise(points, np.random.default_rng(0))
     assert result.noise.model.sigma == pytest.approx(model.sigma, rel=0.1)

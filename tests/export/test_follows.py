@@ -1,17 +1,21 @@
 """What moves with what: numbers that nothing shows, first leaves that stay, walls in one plane, and ends that leave by a wall."""
 
 import math
+from dataclasses import replace
+from functools import partial, reduce
 
 import pytest
 from tests.export.test_collisions import _read, _rectangle
 from tests.export.test_outlines import opened
 
+from imdim.delivery.finish import finish
 from imdim.export.edit import change_values, solid_of
 from imdim.export.seen import find_hidden_ends
 from imdim.export.seen_walls import find_hidden_walls
 from imdim.geometry.census import census_of
 from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive, leaves
+from imdim.relations.discover import exact_relations
 
 
 def _extrude(corners, height, center=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0)):
@@ -276,3 +280,58 @@ def test_a_cut_that_ends_level_with_a_wall_follows_that():
         _, post_after, cut_after = leaves(change_values(part, {name: part.values[name] * 1.1}).program)
         top = post_after.center[2] + max(y for _, y, _ in post_after.outline.loops[0])
         assert cut_after.center[2] + cut_after.size[1] / 2 >= top, name
+
+
+def _toothed(count, middle, way=1.0, start=11.0):
+    """A disc beside the origin, with drawn parts in a circle through its rim: added, or cut."""
+    length = 4.0
+    disc = Primitive("cylinder", (20.0, 8.0), (70.0, 90.0, 4.0))
+    teeth = []
+    for k in range(count):
+        angle = 360.0 * k / count + start
+        c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        corners = [(-length / 2, -2.0), (length / 2, -1.0), (length / 2, 1.0), (-length / 2, 2.0)]
+        teeth.append(_extrude(corners, 8.0 if way > 0 else 10.0, (70.0 + middle * c, 90.0 + middle * s, 4.0), (0.0, 0.0, angle)))
+    program = disc
+    for tooth in teeth:
+        program = Combine("union" if way > 0 else "difference", program, tooth)
+    return program
+
+
+def _teeth_reach(program):
+    """From where to where those teeth go from the axis, each."""
+    teeth = [p for p in leaves(program) if p.outline is not None]
+    ends = [math.hypot(p.center[0] - 70.0, p.center[1] - 90.0) for p in teeth]
+    return [
+        (away + _walls(Primitive("extrude", p.size, outline=p.outline), 0)[0], away + p.outline.bounds[1][0])
+        for p, away in zip(teeth, ends, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("count", [12, 19])
+def test_teeth_follow_the_rim_that_they_stand_on(count):
+    """An odd number too, where copies lie level but for the digits of files."""
+    part = opened(_toothed(count, 21.0))
+    assert "tooth_circle" not in part.values
+    for low, high in _teeth_reach(change_values(part, {"disc_diameter": 50.0}).program):
+        assert (low, high) == pytest.approx((24.0, 28.0), abs=1e-5)
+    for low, high in _teeth_reach(change_values(part, {"tooth_length": 5.0}).program):
+        assert (low, high) == pytest.approx((19.0, 24.0), abs=1e-5)
+
+
+def test_that_two_teeth_are_level_is_no_relation_of_its_own():
+    rough = _toothed(19, 21.0, start=0.0)
+    moved = [replace(p, center=tuple(round(c, 4) for c in p.center)) for p in leaves(rough)]
+    program = reduce(partial(Combine, "union"), moved)
+    relations = exact_relations(program).constraints
+    assert any(c.kind == "aligned" and len(c.of) == 2 for c in relations)
+    found = finish(program, relations)
+    assert not any(c.kind == "aligned" for c in found.constraints)
+    assert all(any(t.name == "disc_diameter" for e in center for t in e.terms) for center in found.parameters.centers[1:])
+
+
+def test_notches_of_a_rim_grow_into_it():
+    part = opened(_toothed(12, 19.0, -1.0))
+    name = next(name for name in part.values if name.endswith("_length"))
+    for low, high in _teeth_reach(change_values(part, {name: 5.0}).program):
+        assert (low, high) == pytest.approx((16.0, 21.0), abs=1e-5)

@@ -24,7 +24,7 @@ from imdim.geometry.finish.far_walls import reach_walls_far
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.finish.turned_ends import centre_turned
 from imdim.geometry.solid import to_manifold
-from imdim.program.constraints import Constraint, renumber_constraints
+from imdim.program.constraints import WORLD, Constraint, renumber_constraints
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, name_edges, renumber_edges
 from imdim.program.patterns.detect import Folding, extent, fold_repeats, worth
@@ -210,12 +210,16 @@ def _leaves_of_repeats(folding: Folding | None) -> set[frozenset[int]]:
 
 
 def _without_rows(constraints: Sequence[Constraint], folded: Folded) -> tuple[Constraint, ...]:
-    """Without rows and circles of copies of one leaf, which the repeat says; of circles the middle stays, by an opposite pair."""
+    """Without rows and circles of copies of one leaf, and copies that are level, which the repeat says; of circles the middle stays, by an
+    opposite pair. Where rounding has left copies less than level, their circle could have no other diameter."""
     sources = {i: source for i, (source, _) in enumerate(instances(folded))}
     out: list[Constraint] = []
     for c in constraints:
         members, half = [ref.leaf for ref in c.of], len(c.of) // 2
-        if c.kind not in ("linear", "circular") or len(members) < 3 or len({sources[leaf] for leaf in members}) > 1:
+        is_of_copies = WORLD not in members and len({sources[leaf] for leaf in members}) == 1
+        if is_of_copies and c.kind == "aligned" and not any(ref.feature for ref in c.of):
+            continue
+        if not is_of_copies or c.kind not in ("linear", "circular") or len(members) < 3:
             out.append(c)
         elif c.about is not None and c.about.leaf not in members and len(members) % 2 == 0:
             out.append(replace(c, of=(c.of[0], c.of[half])))

@@ -24,10 +24,11 @@ from imdim.export.diameters import add_diameters
 from imdim.export.feature_roles import MOST_NAMED
 from imdim.export.outline_joints import sum_rows
 from imdim.export.outline_rows import Drawn, add_outlines
-from imdim.export.outline_walls import EXACT
+from imdim.export.outline_walls import EXACT, RoundWall
 from imdim.export.own_directions import find_own_directions
 from imdim.export.reduction import ZERO, Reduced
 from imdim.export.repeat_rows import add_repeats
+from imdim.export.rim_seats import stand_on_rims
 from imdim.export.round_contacts import bind_plugs, find_stacked
 from imdim.export.round_seats import seats_at_rounds
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
@@ -57,9 +58,9 @@ class LinearSystem:
     `places` such for the coordinates of its centre alone, or, if they say so, for the spacing of the row or grid that begins with it, and
     `reaches` such for its sizes, once its place is known.
     `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
-    turned ones whose centre is at half of it. `angles` are variables in degrees, `on_circles` the places of what stands on a circle. Leaves
-    that `twins` gives one number are as deep or as high as each other by one name, where they are so now; `gaps` has for each variable of
-    one the other leaf.
+    turned ones whose centre is at half of it. `angles` are variables in degrees, `on_circles` the places of what stands on a circle,
+    `on_rims` those of them whose circle follows a round wall, and that circle. Leaves that `twins` gives one number are as deep or as high
+    as each other by one name, where they are so now; `gaps` has for each variable of one the other leaf.
     """
 
     start: list[float]
@@ -73,9 +74,11 @@ class LinearSystem:
     extras: list[tuple[int, str]] = field(default_factory=list)
     drawn: dict[int, Drawn] = field(default_factory=dict)
     walls: list[FlatWall] = field(default_factory=list)
+    round_walls: list[RoundWall] = field(default_factory=list)
     heights: dict[int, int] = field(default_factory=dict)
     angles: set[int] = field(default_factory=set)
     on_circles: set[int] = field(default_factory=set)
+    on_rims: set[int] = field(default_factory=set)
     twins: Mapping[int, int] = field(default_factory=dict)
     gaps: dict[int, int] = field(default_factory=dict)
 
@@ -103,6 +106,8 @@ class LinearSystem:
         system.twins = find_twins(constraints, parts, EXACT * system.length)
         system.rows += bind_plugs(parts, sources)
         whole = program if delivered is None else delivered
+        if folded is not None:
+            system.rows += stand_on_rims(system, whole, folded)
         hidden = find_hidden_ends(whole)
         at_walls = list(seats_at_walls(program, system.walls, hidden))
         found = list(_without_farther(seats(program, hidden), at_walls, parts))
@@ -183,7 +188,9 @@ class LinearSystem:
         for i, (leaf, _) in enumerate(self.reaches, start=len(whole.matrix) - len(self.reaches)):
             self._solve_for_first(whole, i, [*range(6 * leaf, 6 * leaf + 3), *filter(None, [self.heights.get(leaf)])])
         rows = whole.read()
-        return {v: row for v, row in rows.items() if all(_is_plain(2 * c) or self._is_circle(w) for w, c in row.items())}
+        return {
+            v: row for v, row in rows.items() if v in self.on_rims or all(_is_plain(2 * c) or self._is_circle(w) for w, c in row.items())
+        }
 
     def is_plain(self, row: np.ndarray) -> bool:
         """Whether the coefficients [n] of an equation are wholes and halves, but for places on a circle."""
@@ -242,7 +249,8 @@ class LinearSystem:
 
     def rank(self, v: int) -> int:
         """How late a variable is eliminated."""
-        return 0 if v < self.extra else _RANKS.get(self.extras[v - self.extra][1].split("_")[-1], 1)
+        at_once = v < self.extra or v in self.on_rims
+        return 0 if at_once else _RANKS.get(self.extras[v - self.extra][1].split("_")[-1], 1)
 
     def new(self, leaf: int, word: str, value: float) -> int:
         """A further variable, named after a leaf and a word."""
@@ -313,7 +321,8 @@ class LinearSystem:
         held = [self.place_of_end(e) for e in bottoms] or [{3 + UP: 1.0}]
         rows = [*held, *({3 + a: 1.0} for a in range(3) if a != UP)]
         self.places += [(0, row, False) for row in rows if not all(self.is_origin(v) for v in row if v in (3, 4, 5))]
-        self.places += [(leaf, {6 * leaf + 3 + a: 1.0}, False) for leaf in range(1, len(parts)) for a in beside]
+        held = (6 * leaf + 3 + a for leaf in range(1, len(parts)) for a in beside)
+        self.places += [(v // 6, {v: 1.0}, False) for v in held if v not in self.on_circles]
 
     def place_of_end(self, end: End, sign: float = 1.0) -> dict[int, float]:
         """The position of a face, times `sign`."""

@@ -22,7 +22,7 @@ from imdim.export.drawn_vertex import (
 )
 from imdim.export.outline_dimensions import ROUNDS, OutlineDimensions, side_of
 from imdim.export.outline_joints import HALF, WIDEST, DrawnArc, DrawnLine, Joint, Row, X, Y, sum_rows
-from imdim.export.outline_walls import NO_RADIUS, RoundWall, bind_coaxial, find_flat_walls
+from imdim.export.outline_walls import NO_RADIUS, RoundWall, bind_coaxial, find_flat_walls, list_round_walls
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
 from imdim.program.ellipse import Ellipse
@@ -78,6 +78,7 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
             circles = [c for c in circles if c.leaf != source]
             system.heights.pop(source, None)
     system.rows += bind_coaxial(system, circles, parts, sources)
+    system.round_walls = [*circles, *list_round_walls(parts, sources)]
     return drawn
 
 

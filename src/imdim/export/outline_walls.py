@@ -40,7 +40,7 @@ class RoundWall:
 def bind_coaxial(system: LinearSystem, circles: Sequence[RoundWall], parts: Sequence[Primitive], sources: Sequence[int]) -> Iterator[Row]:
     """Circles of outlines on the axis of another round wall stay there; radii that are equal on one axis stay equal."""
     slack = EXACT * system.length
-    others = [r for i, p in enumerate(parts) if sources[i] == i for r in _round_walls(i, p)]
+    others = list_round_walls(parts, sources)
     for i, circle in enumerate(circles):
         for other in (*circles[:i], *others):
             across = [a for a in range(3) if a != circle.axis]
@@ -50,6 +50,11 @@ def bind_coaxial(system: LinearSystem, circles: Sequence[RoundWall], parts: Sequ
                 yield from (sum_rows((circle.rows[a], 1.0), (other.rows[a], -1.0)) for a in across)
                 if circle.radius != NO_RADIUS and abs(circle.radius - other.radius) <= slack:
                     yield sum_rows((circle.size, 1.0), (other.size, -1.0))
+
+
+def list_round_walls(parts: Sequence[Primitive], sources: Sequence[int]) -> list[RoundWall]:
+    """The round walls of all leaves without a drawing that are no copies, and the axes of what is turned."""
+    return [wall for i, p in enumerate(parts) if sources[i] == i for wall in _round_walls(i, p)]
 
 
 def _round_walls(leaf: int, p: Primitive) -> Iterator[RoundWall]:
