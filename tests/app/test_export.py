@@ -4,12 +4,13 @@ import json
 
 import pytest
 import trimesh
-from tests.planted import PARTS, box, cut, cylinder
+from tests.planted import PARTS, box, cut, cylinder, union
 
 from imdim.app.cli import main
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program import codec, front
+from imdim.program.edges import EdgeFeature, Face
 from imdim.program.front import Choice
 from imdim.program.tree import Program
 
@@ -69,6 +70,16 @@ def test_what_is_exported_has_names_to_edit(tmp_path):
     wider = cut(box(60, 40, 5, (0.0, 0.0, 2.5)), *(cylinder(4, 5, (x, 0.0, 2.5)) for x in (-20.0, 20.0)))
     assert same(read_openscad(text, {"hole_diameter": 8}), wider)
     assert json.loads((tmp_path / "out" / "program.json").read_text())["constraints"]
+
+
+@pytest.mark.usefixtures("without_step")
+def test_edges_that_a_change_by_hand_took_are_told(tmp_path, capsys):
+    source, rim = tmp_path / "program.json", tuple((Face(0, "+z"), Face(0, side)) for side in ("+x", "-x", "+y", "-y"))
+    whole = box(60, 40, 5)
+    for program, said in ((whole, ""), (union(whole, box(10, 60, 20, (30.0, 0.0, 5.0))), "  chamfer 1: 1 of 4 edges no more\n")):
+        source.write_text(codec.dumps(program, edges=[EdgeFeature("chamfer", (1.0,), rim)]))
+        assert main(["export", str(source), "-o", str(tmp_path / "out")]) == 0
+        assert "".join(line for line in capsys.readouterr().out.splitlines(keepends=True) if "chamfer 1:" in line) == said
 
 
 @pytest.mark.usefixtures("without_step")

@@ -96,20 +96,23 @@ def test_time_that_is_up_leaves_edges_sharp(tmp_path, monkeypatch):
 
 
 def test_the_worker_reads_edges_and_says_which_are_sharp(tmp_path):
-    (tmp_path / "program.json").write_text(dumps(BOX, edges=[fillet(2.0, RIM[:1]), fillet(25.0, RIM[1:2])]))
+    edges = [fillet(2.0, RIM[:1]), fillet(25.0, RIM[1:2])]
+    (tmp_path / "program.json").write_text(dumps(BOX, edges=edges))
     volumes: dict[str, float] = {}
     with step_worker.exporting(tmp_path) as job:
-        said = step_worker.finish_or_skip_step(job, 60, volumes)
-    assert said == {"program.step": "written, 1 of 2 edges not blended"}
+        said = step_worker.finish_or_skip_step(job, 60, volumes, edges)
+    one, other = RIM[1]
+    assert said == {"program.step": f"written, 1 of 2 edges not blended: fillet2: {one} with {other}"}
     assert volumes["program.step"] == pytest.approx(6000 - 20 * (4 - math.pi), rel=1e-9)
     (tmp_path / "program.json").write_text(dumps(BOX, edges=[fillet(2.0, RIM[:1])]))
     with step_worker.exporting(tmp_path) as job:
-        assert step_worker.finish_or_skip_step(job, 60, volumes) == {}
+        assert step_worker.finish_or_skip_step(job, 60, volumes, []) == {}
 
 
 def stand_in(folder, after: str) -> step_worker.StepJob:
     """A worker that has written the sharp part, of volume 6000 and two edges, and then does something else."""
-    text = f"import os, time; open('program.step', 'w'); open('program.step.blended', 'w'); print('6000.0 2 2', flush=True); {after}"
+    stage = [6000.0, 2, [[0, 0], [0, 1]]]
+    text = f"import os, time; open('program.step', 'w'); open('program.step.blended', 'w'); print({stage}, flush=True); {after}"
     process = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder)
     return step_worker.StepJob(process, folder / "program.step")
 
@@ -119,7 +122,7 @@ def stand_in(folder, after: str) -> step_worker.StepJob:
 )
 def test_the_sharp_part_stays_where_opencascade_is_lost_in_blends(after, reason, tmp_path):
     volumes: dict[str, float] = {}
-    said = step_worker.finish_or_skip_step(stand_in(tmp_path, after), 2, volumes)
+    said = step_worker.finish_or_skip_step(stand_in(tmp_path, after), 2, volumes, [fillet(2.0, RIM[:2])])
     assert said == {"program.step": f"written, 2 of 2 edges not blended: {reason}"}
     assert volumes == {"program.step": 6000}
     assert [path.name for path in tmp_path.iterdir()] == ["program.step"]

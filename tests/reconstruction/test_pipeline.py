@@ -187,11 +187,22 @@ def test_a_scrap_of_surface_beside_a_body_is_left_out_and_told():
     )
     last = snapshots(mesh)[-1]
     assert iou(last.program, box(10, 20, 30)) >= 0.999
-    (note,) = last.notes
+    note, edges = last.notes
     assert "body 2" in note
     assert note.endswith("left out")
+    assert edges == pipeline.NO_EDGES  # of the whole, which is not closed
     with pytest.raises(InputError):
         snapshots(trimesh.Trimesh(scrap, [[0, 1, 2]]))
+
+
+def test_where_no_edges_are_looked_for_it_is_told():
+    """Of a cloud, and of a mesh that is open, fillets and chamfers are part of the shape or left out."""
+    closed = mesh_of(box(10, 20, 30))
+    opened = trimesh.Trimesh(closed.vertices, closed.faces[1:], process=False)
+    points = np.asarray(trimesh.sample.sample_surface(closed, 2000, seed=1)[0])
+    for given, told in ((closed, []), (opened, [pipeline.NO_EDGES]), (points, [pipeline.NO_EDGES])):
+        assert list(snapshots(given)[-1].notes) == told
+    assert not snapshots(points, language="csg")[-1].notes  # nobody asked for them
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3])

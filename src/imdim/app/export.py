@@ -18,7 +18,7 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
     Of a results folder it is front.json where there is something to `pick`, else program.json; its names are those of the texts beside it.
     """
     from imdim.delivery.deliver import export
-    from imdim.export.edit import open_delivered
+    from imdim.export.edit import missing_edges, open_delivered
     from imdim.program import codec, front
     from imdim.program.tree import leaves, longest
     from imdim.target.target import LARGEST
@@ -46,7 +46,7 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
         if largest > LARGEST:
             raise ConfigError(f"{source}: a length or a place of {largest:.3g} is beyond {LARGEST:g}")
         files = export(program, folder, meta, segments, edges=edges, named=named)
-    return list_files(folder, files)
+    return list_files(folder, files) + "".join(f"  {said}\n" for said in missing_edges(program, edges))
 
 
 def find_document(source: Path, name: str = "program.json") -> Path:

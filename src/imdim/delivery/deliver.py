@@ -113,7 +113,7 @@ def deliver(
                 shown = html.content(document, target, found.parameters, segments, furthest, verdict=coloured)
             with _time(seconds, "step"):
                 volumes = _volumes(partial, target, delivered)
-                skipped = finish_or_skip_step(job, step_limit_s, volumes)
+                skipped = finish_or_skip_step(job, step_limit_s, volumes, found.edges)
         skipped |= unwritten(program)
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no time was left" if found.hurried else "skipped: no part repeats"
@@ -164,7 +164,7 @@ def export(
             write_meshes(solid, partial, called, meta.units)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
-            skipped = finish_or_skip_step(job, step_limit_s, {}) | unwritten(program)
+            skipped = finish_or_skip_step(job, step_limit_s, {}, found.edges) | unwritten(program)
         files = {path.name: "written" for path in sorted(partial.iterdir())}
     return {**files, **skipped}
 

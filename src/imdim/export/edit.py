@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,7 +33,7 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.solid import SEGMENTS, join_touching
 from imdim.program.codec import constraints_of, dumps, edges_of, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
-from imdim.program.edges import describe_size, name_edges, with_sizes
+from imdim.program.edges import EdgeFeature, EdgeNumber, describe_size, name_edges, with_sizes
 from imdim.program.ellipse import Ellipse
 from imdim.program.node_codec import MAX_PRIMITIVES
 from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_ring
@@ -186,11 +186,24 @@ def solid_of(delivered: Delivered) -> Manifold:
 def lost_edges(before: Delivered, after: Delivered) -> list[str]:
     """A sentence for each edge feature of which edges that there were are gone after an edit."""
     had, has = ({*blend_solids(d.program, d.edges).missing} for d in (before, after))
-    gone = [sum(1 for feature, _ in has - had if feature == i) for i in range(len(after.edges))]
-    words = [(describe_size(f.kind, f.sizes), f"{len(f.edges)} edges") for f in after.edges]
-    said = [f"{what}: {n} of {of} no more" for (what, of), n in zip(words, gone, strict=True) if n]
     tight = [_without_room(d) for d in (before, after)]
-    return said + [f"{what}: too large for {n} of {of}" for (what, of), n in zip(words, map(len, _more(*tight)), strict=True) if n]
+    said = zip(_words(after.edges), map(len, _more(*tight)), strict=True)
+    return _tell_gone(after.edges, has - had) + [f"{what}: too large for {n} of {of}" for (what, of), n in said if n]
+
+
+def missing_edges(program: Program, edges: Sequence[EdgeFeature]) -> list[str]:
+    """A sentence for each edge feature of which edges are none of the program's solid, as in a document that was changed by hand."""
+    return _tell_gone(edges, blend_solids(program, edges).missing)
+
+
+def _tell_gone(edges: Sequence[EdgeFeature], gone: Collection[EdgeNumber]) -> list[str]:
+    counts = [sum(1 for feature, _ in gone if feature == i) for i in range(len(edges))]
+    return [f"{what}: {n} of {of} no more" for (what, of), n in zip(_words(edges), counts, strict=True) if n]
+
+
+def _words(edges: Sequence[EdgeFeature]) -> list[tuple[str, str]]:
+    """What each feature is, and how many edges it has."""
+    return [(describe_size(f.kind, f.sizes), f"{len(f.edges)} edges") for f in edges]
 
 
 def _without_room(delivered: Delivered) -> list[set[int]]:
@@ -225,7 +238,7 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
         skipped: dict[str, str] = {}
         if step_limit_s:
             with exporting(partial, name, named.names.features) as job:
-                skipped = finish_or_skip_step(job, step_limit_s, {})
+                skipped = finish_or_skip_step(job, step_limit_s, {}, delivered.edges)
         files = {file: "written" for file in FILES if (partial / file).exists()}
     return {**files, **skipped}
 

@@ -27,19 +27,19 @@ from imdim.export.step import StepError, path_beside, write_stages
 from imdim.export.step_booleans import ocp
 from imdim.install import install_command
 from imdim.program.codec import constraints_of, edges_of, from_json, meta_of, parse, read_folded
-from imdim.program.edges import scale_edges
+from imdim.program.edges import EdgeFeature, EdgeNumber, name_edges, scale_edges
 from imdim.program.tree import Primitive, Program, map_leaves, map_lengths
 from imdim.program.units import to_millimetres
 from imdim.side_process import end_with_parent
 
 
 class Exported(NamedTuple):
-    """What was written: the volume re-read from the file, how many edges of features the part has, and how many of them are sharp in it,
+    """What was written: the volume re-read from the file, how many edges of features the part has, and those of them that are sharp in it,
     for the `reason` given if OpenCASCADE did not get to them."""
 
     volume: float
     edges: int = 0
-    sharp: int = 0
+    sharp: tuple[EdgeNumber, ...] = ()
     reason: str = ""
 
 
@@ -122,8 +122,8 @@ def _last_stage(job: StepJob, out: str, reason: str) -> Exported:
 
 
 def _read_stage(line: str) -> Exported:
-    volume, edges, sharp = line.split()
-    return Exported(float(volume), int(edges), int(sharp))
+    volume, edges, sharp = json.loads(line)
+    return Exported(volume, edges, tuple((feature, edge) for feature, edge in sharp))
 
 
 def stop_step(job: StepJob) -> None:
@@ -160,8 +160,10 @@ def exporting(
         stop_step(job)
 
 
-def finish_or_skip_step(job: StepJob | StepError, limit_s: float, volumes: dict[str, float]) -> dict[str, str]:
-    """Wait for the file, whose volume joins `volumes`; why there is none, or which edges are sharp in it, by its name."""
+def finish_or_skip_step(
+    job: StepJob | StepError, limit_s: float, volumes: dict[str, float], features: Sequence[EdgeFeature]
+) -> dict[str, str]:
+    """Wait for the file, whose volume joins `volumes`; why there is none, or which edges of the `features` are sharp in it, by its name."""
     try:
         if isinstance(job, StepError):
             raise job
@@ -171,8 +173,16 @@ def finish_or_skip_step(job: StepJob | StepError, limit_s: float, volumes: dict[
     volumes["program.step"] = exported.volume
     if not exported.sharp:
         return {}
-    reason = f": {exported.reason}" if exported.reason else ""
-    return {"program.step": f"written, {exported.sharp} of {exported.edges} edges not blended{reason}"}
+    said = exported.reason or "; ".join(_list_sharp(exported.sharp, name_edges(features)))
+    return {"program.step": f"written, {len(exported.sharp)} of {exported.edges} edges not blended: {said}"}
+
+
+def _list_sharp(sharp: Sequence[EdgeNumber], features: Sequence[EdgeFeature]) -> Iterator[str]:
+    """The edges of each feature that are sharp, by its name and theirs, as program.json has them: "fillet: 0.+z with 1.side"."""
+    for number, feature in enumerate(features):
+        pairs = [feature.edges[edge] for of, edge in sharp if of == number]
+        if pairs:
+            yield f"{feature.name}: " + ", ".join(f"{one} with {other}" for one, other in pairs)
 
 
 def _read_line() -> bytes:
@@ -226,7 +236,7 @@ def main() -> None:
         names = PartNames.of(program, name, tuple(called) or _label(program, read))
         for stage in write_stages(_in_millimetres(read), Path(out), PlacedEdges.from_rows(placed), names):
             edges, sharp = stage.blending
-            sys.stdout.write(f"{stage.volume!r} {len(edges)} {len(sharp)}\n")
+            sys.stdout.write(json.dumps([stage.volume, len(edges), sharp]) + "\n")
             sys.stdout.flush()
     except (StepError, OSError) as error:
         sys.exit(str(error))

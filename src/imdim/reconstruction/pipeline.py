@@ -71,6 +71,7 @@ if TYPE_CHECKING:
 MOST_JOINT = 8  # bodies
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 UNKNOWN = 1.0  # error of a program whose body shows no inside
+NO_EDGES = "fillets and chamfers are only looked for on closed meshes: here they are part of the shape, or left out"
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
 SCANNED = "not proved: the mesh is a scan, its program is the likeliest by points of its surface"
 NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
@@ -110,7 +111,7 @@ class _BodyState:
     """A program of one body without its `chains` of fillets and chamfers, but with those `kept`, it and the `volume` in the body's units;
     `error` is relative to that, as `measure` gives it for any program of its structure. `found` are the relations that its points support,
     None if they were not asked. The leaves of the numbers `teeth` are those of toothed rims. `stop` is as a step's, `noisy` and `noise` as
-    a snapshot's."""
+    a snapshot's. `shows_edges` is whether its fillets and chamfers were looked for."""
 
     stage: str
     program: Program
@@ -126,6 +127,7 @@ class _BodyState:
     teeth: frozenset[int] = frozenset()
     noisy: bool = False
     noise: MeasuredNoise | None = None
+    shows_edges: bool = True
 
 
 @dataclass(frozen=True)
@@ -204,10 +206,16 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
         *(f"{error}; left out" for error in left_out),
         *edges.left_out,
         *([describe_kept(last.kept)] if last.kept else []),
+        *([NO_EDGES] if work.settings.language == "cad" and not (last.shows_edges or edges.features) else []),
     )
     stop = CUT if solver and relate_by.has_passed() else last.stop
     spent, found = work.budget.seconds(), edges.features
     yield Snapshot("finished", program, error, spent, stop, front, constraints, last.proof, notes, found, last.noisy, last.noise)
+
+
+def _shows_edges(state: _BodyState, target: Target) -> bool:
+    """Whether fillets and chamfers of a target are looked for, whose faces points, open meshes and scans do not show."""
+    return target.mesh is not None and target.is_solid and not state.noisy
 
 
 def _turn_back(states: Iterable[_BodyState], own: Frame) -> Iterator[_BodyState]:
@@ -229,7 +237,7 @@ def _measure_own(measure: Callable[[Program], float], own: Frame, program: Progr
 def _without_stand_ins(last: _BodyState, target: Target, work: _Work) -> _BodyState:
     """The state of a mesh without primitives that stand for chamfers, which are chains then; its error stays that with them."""
     fit_by = work.budget.end_of("fit")
-    if work.settings.language != "cad" or target.mesh is None or not target.is_solid or last.noisy or fit_by.has_passed():
+    if work.settings.language != "cad" or not _shows_edges(last, target) or fit_by.has_passed():
         return last
     program, chains = take_off_stand_ins(last.program, target, fit_by, last.teeth)
     if not chains:
@@ -343,7 +351,8 @@ def _together(stage: str, states: list[_BodyState]) -> _BodyState:
     teeth = frozenset(first + number for s, first in zip(states, before, strict=False) for number in s.teeth)
     noises = [s.noise for s in states if s.noise is not None]
     noise = max(noises, key=lambda noise: noise.model.sigma, default=None)
-    return replace(state, teeth=teeth, noisy=any(s.noisy for s in states), noise=noise)
+    shows = all(s.shows_edges for s in states)
+    return replace(state, teeth=teeth, noisy=any(s.noisy for s in states), noise=noise, shows_edges=shows)
 
 
 def _error(program: Program, states: Sequence[_BodyState]) -> float:
@@ -410,7 +419,8 @@ def _bare_body(body: Target, work: _Work, share: float) -> Iterator[_BodyState]:
     blended = not all(chain.is_rim for chain in chains)
     noise = MeasuredNoise(observed.noise.scale(1 / frame.scale), observed.kept)
     for state in _sharp_body(body, observed, frame, work, share, blended):
-        yield replace(state, chains=chains, kept=kept, stop=CUT if cut else state.stop, noise=noise)
+        stop, shows = CUT if cut else state.stop, _shows_edges(state, body)
+        yield replace(state, chains=chains, kept=kept, stop=stop, noise=noise, shows_edges=shows)
 
 
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float, blended: bool = False) -> Iterator[_BodyState]:
