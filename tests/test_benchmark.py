@@ -276,6 +276,8 @@ def test_features_and_curves_are_shown_where_the_scorer_counts_them(make, tmp_pa
 def test_few_features_are_twelve_and_only_counted_beside_curves():
     rows = [Row(str(n), iou=0.995, primitives=n, curves=n) for n in (11, 12, 13)] + [Row("poor", iou=0.98, primitives=1, curves=4)]
     assert "IoU >= 0.99 with at most 12 features: 2 of 4 (50 %)" in summary(rows, 60.0)
+    assert "median features: 11.5, without copies not told" in summary(rows, 60.0)
+    assert "median features: 11.5, without copies 1.5" in summary([replace(row, distinct=k) for k, row in enumerate(rows)], 60.0)
     assert not [line for line in summary([replace(row, curves=None) for row in rows], 60.0) if "features" in line]
     assert "features" not in markdown([Row("plain", primitives=3)])
 

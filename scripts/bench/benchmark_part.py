@@ -41,7 +41,8 @@ class Task:
 class Row:
     """One part; `hausdorff` is relative to the target's diagonal, `seconds` are of the fit's whole command.
 
-    `curves` are those of outlines, None where nobody counts them; what they bound is a feature, counted among the `primitives`.
+    `curves` are those of outlines, None where nobody counts them; what they bound is a feature, counted among the `primitives`, each copy
+    too. `distinct` is how many of these are no copies, as the report has it.
     """
 
     part: str
@@ -55,6 +56,7 @@ class Row:
     peak_mib: float = 0.0
     stop: str = ""
     curves: int | None = None
+    distinct: int | None = None
 
 
 class Judgement(NamedTuple):
@@ -94,6 +96,7 @@ def benchmarked(task: Task, part: Path, folder: Path, settings: Sequence[str]) -
     try:
         report = json.loads((folder / "report.json").read_text())
         row.stop, row.search_s = report["stop"], sum(report["timing"]["stages_s"].values())
+        row.distinct = report.get("result", {}).get("without_copies")
         judged = score(part, folder / "program.scad", Path(task.scorer) if task.scorer else None)
         row.iou, row.hausdorff, row.primitives, row.curves = judged
     except (ValueError, KeyError, IndexError, OSError, subprocess.SubprocessError) as problem:

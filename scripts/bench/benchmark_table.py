@@ -58,9 +58,9 @@ def summary(rows: list[Row], budget: float) -> list[str]:
     lines = [f"{count} parts, {sum(r.stop.startswith('FAILED') for r in rows)} failed"]
     lines += [f"IoU >= {bar}: {_share(sum(r.iou >= bar for r in rows), count)}" for bar in (0.99, 0.98, 0.97)]
     if _are_counted(rows):
-        lines.append(
-            f"IoU >= 0.99 with at most {FEW} features: {_share(sum(r.iou >= 0.99 and _primitives(r) <= FEW for r in rows), count)}"
-        )
+        few = sum(r.iou >= 0.99 and _primitives(r) <= FEW for r in rows)
+        lines.append(f"IoU >= 0.99 with at most {FEW} features: {_share(few, count)}")
+        lines.append(f"median features: {statistics.median(map(_primitives, rows)):g}, without copies {_median_distinct(rows)}")
     lines.append(f"mean IoU {statistics.fmean(r.iou for r in rows):.4f}")
     if known:
         lines.append(f"no more primitives than the reference: {_share(len(short), len(known))}")
@@ -86,6 +86,12 @@ def _are_counted(rows: Sequence[Row]) -> bool:
 
 def _primitives(row: Row) -> float:
     return math.inf if row.primitives is None else row.primitives
+
+
+def _median_distinct(rows: Sequence[Row]) -> str:
+    """The median of features that are no copies, of the parts that tell."""
+    known = [row.distinct for row in rows if row.distinct is not None]
+    return f"{statistics.median(known):g}" if known else "not told"
 
 
 def _share(hits: int, count: int) -> str:

@@ -37,7 +37,7 @@ ROOT = Path(__file__).parents[2]
 BOX = Primitive("box", (1.0, 2.0, 3.0))
 REPORT = {
     "scores": {"volume_iou": 1.0, "distance_relative_to_diagonal": {"target_to_result": {"mean": 0.0}}},
-    "result": {"primitives": 1},
+    "result": {"primitives": 1, "without_copies": 1},
     "timing": {"total_s": 0.0},
     "stop": "finished",
     "found": {"iou_with_delivered": 1.0},
@@ -583,7 +583,7 @@ def test_edges_are_told_with_the_way_to_draw_them() -> None:
     report = {
         **told,
         "scores": {"volume_iou": 0.99, "distance_relative_to_diagonal": {"target_to_result": {"mean": 0.0}}},
-        "result": {"primitives": 1, "features": 1, "curves": 16},
+        "result": {"primitives": 1, "without_copies": 1, "features": 1, "curves": 16},
         "timing": {"total_s": 4.0},
         "stop": "finished",
         "found": {"iou_with_delivered": 1.0},

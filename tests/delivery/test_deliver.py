@@ -109,6 +109,7 @@ def test_the_report_says_what_was_measured(delivered):
     assert report["result"] == {
         "primitives": 7,
         "operations": 6,
+        "without_copies": 7,
         "kinds": {"box": 3, "cylinder": 3, "cone": 1},
         "ops": {"union": 1, "difference": 5},
     }

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from program_samples import random_program
 
-from imdim.program.cost import cost, count, weigh
+from imdim.program.cost import cost, count, describe_size, weigh
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Combine, Primitive
 
@@ -42,6 +42,12 @@ def test_the_size_in_words_tells_features_and_curves_where_there_are_outlines(pr
     counts = count(program)
     assert (counts.primitives, counts.curves, str(counts)) == (features, curves, words)
     assert counts.drawn == ({"features": features, "curves": curves} if curves else {})
+    assert describe_size(features, curves, features) == words
+
+
+def test_the_size_in_words_tells_what_is_no_copy():
+    assert describe_size(101, 506, 7) == "101 features (7 without copies), 506 curves in outlines"
+    assert describe_size(7, None, 3) == "7 primitives (3 without copies)"
 
 
 def test_curves_beyond_the_first_four_of_an_outline_weigh_a_tenth_or_nothing():

@@ -217,7 +217,7 @@ def _until_stopped(snapshots: Iterator[Snapshot]) -> Iterator[Snapshot]:
 def summary(report: Mapping[str, Any], folder: Path) -> str:
     """What was found and where it is, with the picture to open."""
     scores, result = report["scores"], report["result"]
-    size, iou = describe_size(result["primitives"], result.get("curves")), scores["volume_iou"]
+    size, iou = describe_size(result["primitives"], result.get("curves"), result["without_copies"]), scores["volume_iou"]
     furthest = scores["distance_relative_to_diagonal"]["target_to_result"]
     fit = f"mean distance {100 * furthest['mean']:.3f} % of the diagonal" if iou is None else f"volume IoU {iou:.4f}"
     lines = [f"{size}, {fit}, {report['timing']['total_s']:.1f} s (stopped: {report['stop']})"]

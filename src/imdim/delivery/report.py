@@ -27,7 +27,7 @@ from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, describe_edges
 from imdim.program.hole_groups import HoleGroup
 from imdim.program.metric import screw_of
-from imdim.program.repeats import Folded, Repeat, repeats, size
+from imdim.program.repeats import Folded, Repeat, copies_of, repeats, size
 from imdim.program.tree import leaves, longest
 from imdim.target.target import Target
 
@@ -81,6 +81,7 @@ def report_of(
         "result": {
             "primitives": counts.primitives,
             "operations": counts.operations,
+            "without_copies": counts.primitives if folded is None else len(copies_of(folded)),
             **counts.drawn,
             **({"free_numbers": sum(named.free_numbers(longest(leaves(program))))} if counts.drawn else {}),
             "kinds": {kind: n for kind, n in counts.kinds.items() if n},

@@ -65,9 +65,13 @@ def count(program: Program) -> Counts:
     return Counts({kind: kinds[kind] for kind in KINDS}, {op: ops[op] for op in OPS}, sum(map(curves_of, leaves(program))))
 
 
-def describe_size(primitives: int, curves: int | None = None) -> str:
-    """In words: "14 primitives", and "4 features, 45 curves in outlines" where there are any."""
-    return f"{_number(primitives, 'feature')}, {_number(curves, 'curve')} in outlines" if curves else _number(primitives, "primitive")
+def describe_size(primitives: int, curves: int | None = None, distinct: int | None = None) -> str:
+    """In words: "14 primitives", and "4 features, 45 curves in outlines" where there are any; with "(7 without copies)" where fewer are
+    `distinct`."""
+    copies = "" if distinct is None or distinct >= primitives else f" ({distinct} without copies)"
+    if not curves:
+        return f"{_number(primitives, 'primitive')}{copies}"
+    return f"{_number(primitives, 'feature')}{copies}, {_number(curves, 'curve')} in outlines"
 
 
 def _number(count: int, what: str) -> str:
