@@ -63,6 +63,14 @@ def test_scripts_blend_the_edges(name, package, tmp_path):
     assert volume == pytest.approx(exact, rel=1e-6)
 
 
+def test_what_booleans_leave_is_mended_before_its_edges_are_picked():
+    """CadQuery refuses each blend of a shape that is not valid to begin with; blends of its results are picked anew."""
+    lines = to_cadquery(BOX, edges=[fillet(2.0, RIM[:1]), chamfer((1.0,), RIM[1:2])]).splitlines()
+    mended = lines.index("part = cq.Workplane(part.val().fix())")
+    assert [i > mended for i, line in enumerate(lines) if line.startswith("part = blended(")] == [True, True]
+    assert "fix()" not in to_cadquery(BOX)
+
+
 @pytest.mark.tool
 @PACKAGES
 def test_what_cannot_be_blended_stays_sharp_and_is_told(package, tmp_path):

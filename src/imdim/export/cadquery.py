@@ -81,6 +81,11 @@ def chamfer_edges(part, edges, sizes, first):
 
 '''
 
+_SOUND = [
+    "# booleans may leave tolerances by which a shape is not valid, and none of its blends would be",
+    "part = cq.Workplane(part.val().fix())",
+]
+
 _END = """
 if __name__ == "__main__":
     cq.exporters.export(part, "part.step")
@@ -161,7 +166,8 @@ def to_cadquery(
     solids = [text for kind, text in _SOLIDS.items() if any(leaf.kind == kind for leaf in leaves(program))]
     blends = BlendTexts.of(program, edges, named, rounding)
     head = [*blends.add_sizes(named.head(rounding.size)), *solids, *helpers(program, _OUTLINES), *blends.helpers(_BLENDS)]
-    body = [*head, *writer.parts, "part = (", *("    " + text for text in lines), ")", *blends.calls]
+    sound = _SOUND if blends.calls else []
+    body = [*head, *writer.parts, "part = (", *("    " + text for text in lines), ")", *sound, *blends.calls]
     return _HEAD.format(standard=standard_imports(body)) + "\n".join(body) + "\n" + _END
 
 
