@@ -181,7 +181,7 @@ def test_separate_bodies_are_reconstructed_one_by_one():
 
 def test_a_scrap_of_surface_beside_a_body_is_left_out_and_told():
     solid = mesh_of(box(10, 20, 30))
-    scrap = np.array([(40.0, 0.0, 0.0), (45.0, 0.0, 0.0), (40.0, 3.0, 0.0)])
+    scrap = np.array([(40.0, 0.0, 0.0), (50.0, 0.0, 0.0), (40.0, 9.0, 0.0)])
     mesh = trimesh.Trimesh(
         np.vstack([solid.vertices, scrap]), np.vstack([solid.faces, [np.arange(3) + len(solid.vertices)]]), process=False
     )
@@ -209,7 +209,7 @@ def test_where_no_edges_are_looked_for_it_is_told():
 def test_a_flat_scrap_that_no_time_is_left_for_is_left_out(tilt):
     """It has no box: a fit of an open-hardware part with loose facets was lost where its budget ended."""
     solid, far = mesh_of(complex_part(), 48), np.array([300.0, 0.0, 0.0])
-    scrap = far + np.array([(0.0, 0.0, 0.0), (5.0, 0.0, 5 * tilt), (0.0, 3.0, 0.0)])
+    scrap = far + np.array([(0.0, 0.0, 0.0), (50.0, 0.0, 50 * tilt), (0.0, 30.0, 0.0)])
     block = mesh_of(box(4, 4, 4, (400.0, 0.0, 0.0)))
     mesh = trimesh.util.concatenate([solid, trimesh.Trimesh(scrap, [[0, 1, 2]], process=False), block])
     last = snapshots(mesh, budget_s=0.5)[-1]

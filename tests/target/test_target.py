@@ -97,6 +97,18 @@ def test_bodies_that_hold_nothing_are_left_out_of_a_solid():
     assert target.mesh.bounds == pytest.approx(BOX().bounds), "nothing is sampled on them"
 
 
+def test_open_scraps_beside_a_part_are_left_out_of_a_solid():
+    """One loose facet cost a part its fillets, and its IoU."""
+    loose = trimesh.Trimesh([[2, 0, 0], [2.1, 0, 0], [2, 0.1, 0]], [[0, 1, 2]], process=False)
+    target = target_from(trimesh.util.concatenate([BOX(), loose]))
+    assert target.is_solid
+    assert target.notes == ("1 facet of open pieces beside what is closed left out.",)
+    assert target.mesh is not None
+    assert target.mesh.bounds == pytest.approx(BOX().bounds)
+    sheet = trimesh.Trimesh(5.0 * loose.vertices, loose.faces, process=False)  # an eighth of an area: more than a scrap
+    assert not target_from(trimesh.util.concatenate([BOX(), sheet])).is_solid
+
+
 def test_a_hole_leaves_an_open_mesh_with_a_note():
     mesh = BOX().subdivide()
     target = target_from(trimesh.Trimesh(mesh.vertices, mesh.faces[1:], process=False))

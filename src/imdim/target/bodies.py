@@ -11,6 +11,7 @@ from imdim.geometry.sampling import subsample
 from imdim.geometry.winding import winding_number
 
 PROBES = 7  # vertices of a body that must all lie inside another for it to be nested
+SCRAPS = 0.01  # of the surface, that loose open pieces beside closed ones have at most
 THIN = 1e-9  # volume relative to the area to the power of 1.5, up to which a body is a scrap of a surface walked both ways
 
 
@@ -86,6 +87,19 @@ def leave_out_flat(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray,
     volume, area = (np.bincount(label, v) for v in (_face_volumes(vertices, faces, label), face_normals(vertices, faces)[1]))
     holds = np.abs(volume) > THIN * area**1.5
     return (faces[holds[label]], int((~holds).sum())) if holds.any() else (faces, 0)
+
+
+def leave_out_scraps(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, int]:
+    """The faces without loose pieces that are open, and how many those have; all of them, unless the rest is closed and such pieces have
+    next to nothing of the surface."""
+    label, piece = edge_table(faces)[3], _pieces(faces)
+    at_rim = np.bincount(label)[label] % 2 == 1
+    is_open = np.zeros(piece.max() + 1, bool)
+    is_open[np.tile(piece, 3)[at_rim]] = True
+    loose, area = is_open[piece], face_normals(vertices, faces)[1]
+    if loose.all() or area[loose].sum() > SCRAPS * area.sum():
+        return faces, 0
+    return faces[~loose], int(loose.sum())
 
 
 def split_faces(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:

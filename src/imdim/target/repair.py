@@ -17,6 +17,7 @@ from imdim.target.bodies import (
     face_normals,
     find_bodies,
     leave_out_flat,
+    leave_out_scraps,
     mesh_volume,
     split_faces,
 )
@@ -59,8 +60,11 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
         raise InputError(f"{name}: the mesh has 0 faces with three different corners")
     if len(faces) >= 4 * MAX_BODIES and (count := count_bodies(faces)) > MAX_BODIES:
         raise InputError(f"{name}: the mesh has {count} separate bodies, at most {MAX_BODIES}")
+    faces, loose = leave_out_scraps(unit, faces)
     faces, flat = (faces, 0) if find_unpaired(faces).size else leave_out_flat(unit, faces)
     faces, notes = _orient(unit, faces)
+    if loose:
+        notes.insert(0, f"{loose} facet{'s' if loose > 1 else ''} of open pieces beside what is closed left out.")
     if flat:
         notes.insert(0, f"{flat} {'bodies that hold' if flat > 1 else 'body that holds'} nothing left out.")
     volume = mesh_volume(unit, faces)
