@@ -142,7 +142,7 @@ def _shaken(part: Program, target: Target, rng: np.random.Generator) -> Finished
     likely = maximise_likelihood(start, seen.target.points, Noise(seen.noise.sigma))
     related = discover(map_leaves(likely.program, lambda _, p: canonical(p)), seen.target.points)
     found = [replace(c, value=c.value / frame.scale) for c in related.constraints]
-    program = snap_measured(frame.undo(related.program), found, seen, frame)
+    program = snap_measured(frame.undo(related.program), found, frame.to_world(seen.target.points))
     return finish(*find_relations(program, target, found))
 
 

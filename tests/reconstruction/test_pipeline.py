@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,7 @@ from tests.planted import ALONG_X, PARTS, box, cone, cut, cylinder, mesh_of, sph
 
 import imdim
 from imdim.geometry.census import census_of
+from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.codec import dumps
 from imdim.program.cost import count
@@ -384,3 +386,36 @@ def test_what_hangs_together_is_delivered_in_one_body(monkeypatch):
     *_, last = reconstruct(target, Settings(method="parted", language="csg"), np.random.default_rng(0))
     assert census_of(to_manifold(last.program)).bodies == 1
     assert volume_iou(to_manifold(last.program), to_manifold(truth)) > 1 - 5e-4
+
+
+def test_bodies_of_a_noisy_cloud_that_stand_apart_are_fitted_apart_and_alike_ones_together(monkeypatch):
+    rng, sizes = np.random.default_rng(0), []
+    pegs = [cylinder(5, 24, (0.0, 0.0, 0.0)), cylinder(5, 24, (0.0, 30.0, 0.0))]
+    parts = [*pegs, box(30, 20, 10, (50.0, 0.0, 0.0))]
+    points = np.concatenate([surface_points(part, n, rng)[0] for part, n in zip(parts, (1500, 1500, 1800), strict=True)])
+    body = pipeline._body
+
+    def seen(target, work, share=1.0):
+        sizes.append(len(target.points))
+        return body(target, work, share)
+
+    monkeypatch.setattr(pipeline, "_body", seen)
+    target = target_from(points + rng.normal(0, 0.4, points.shape))
+    *_, last = reconstruct(target, Settings(budget_s=30.0, checkpoint="none", evolution=False), rng, time.process_time)
+    assert [round(size, -2) for size in sizes] == [3000, 1800]
+    assert iou(last.program, union(*parts)) > 0.95
+    assert count(last.program).primitives <= 4
+    assert last.noisy
+    assert len(last.noise.kept) == len(points)  # type: ignore[union-attr, arg-type]
+    assert any({0, 1} <= {ref.leaf for ref in constraint.of} for constraint in last.constraints)  # pegs of one size
+
+
+def test_without_time_for_them_bodies_of_a_noisy_cloud_are_boxes():
+    rng = np.random.default_rng(0)
+    points = np.concatenate([surface_points(cylinder(5, 24, (0.0, y, 0.0)), 1500, rng)[0] for y in (0.0, 30.0)])
+    *_, last = reconstruct(
+        target_from(points + rng.normal(0, 0.4, points.shape)), Settings(budget_s=2.0, checkpoint="none"), rng, Hands(3.0)
+    )
+    assert [leaf.kind for leaf in leaves(last.program)] == ["box", "box"]
+    assert last.stop == "budget_spent"
+    assert any("they are boxes" in note for note in last.notes)

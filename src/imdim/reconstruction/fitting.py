@@ -27,7 +27,7 @@ from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.rounding import SNAP_CHANGE
 from imdim.relations.discover import exact_relations, hold_constraints
 from imdim.relations.residuals import holding, rows_of
-from imdim.target.target import Frame, Target
+from imdim.target.target import Target
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 LIKE = 2e-4  # of the diagonal, within which primitives are equal
@@ -87,17 +87,15 @@ def _mean_distance(program: Program, points: np.ndarray) -> float:
     return float(np.abs(kernels.program_sdf(program, points)).mean())
 
 
-def snap_measured(program: Program, found: Sequence[Constraint], seen: Observation, frame: Frame, deadline: Deadline = NEVER) -> Program:
-    """A program of a noisy cloud in the body's units, its numbers as the points measure them under the relations `found`, and rounded where
-    their intervals allow; as far as time allows."""
+def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndarray, deadline: Deadline = NEVER) -> Program:
+    """A program of a noisy cloud, its numbers as the `points` [n, 3] measure them under the relations `found`, and rounded where their
+    intervals allow; as far as time allows."""
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if deadline.has_passed():
         return plain
     rows = rows_of(found, lower(plain)).jacobian
     start = Coordinates.of(plain)
-    known = measure(
-        plain, frame.to_world(subsample(seen.target.points, SHOWN)), np.pad(rows, ((0, 0), (0, start.count - rows.shape[1]))), deadline
-    )
+    known = measure(plain, subsample(points, SHOWN), np.pad(rows, ((0, 0), (0, start.count - rows.shape[1]))), deadline)
     if 1 - volume_iou(to_manifold(plain), to_manifold(known.program)) >= 10 * SNAP_CHANGE:
         return plain
     bounds = MeasuredLeaves.of(known)

@@ -135,6 +135,14 @@ def most_likely(
     return replace(cloud, policy=policy, anew=anew).find_shortest(programs, choose_by, fit_by)
 
 
+def settle_together(program: Program, points: np.ndarray, sigma: float, deadline: Deadline) -> NoisyFit:
+    """A program with the numbers that make `points` [n, 3] most likely, whose noise has the deviation `sigma`, and with the relations that
+    they support: those between bodies that were found apart, too."""
+    some = subsample(points, MOST_POINTS)
+    program, constraints = _hold_relations(_fit(program, some, Noise(sigma), deadline, CAREFUL), some, deadline)
+    return NoisyFit(program, constraints, deadline.has_passed())
+
+
 @dataclass(frozen=True)
 class _NoisyCloud:
     """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]; outlines if `drawn`. What moves

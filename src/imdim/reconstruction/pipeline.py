@@ -20,7 +20,8 @@ from manifold3d import Manifold
 
 from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
-from imdim.detection.noise import MeasuredNoise
+from imdim.detection.cloud_bodies import group_alike, split_cloud
+from imdim.detection.noise import MeasuredNoise, measure_noise
 from imdim.detection.toothed_rims import ToothedRim
 from imdim.export.chance import end_together
 from imdim.geometry.finish.closed_voids import close_voids
@@ -36,17 +37,19 @@ from imdim.geometry.finish.rails import part_at_posts
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.turned_feet import stand_on_faces
 from imdim.geometry.solid import bounds_of, to_manifold
+from imdim.geometry.surface import vec
 from imdim.install import install_command
 from imdim.program.constraints import WORLD, Constraint, scale_constraints
 from imdim.program.cost import CURVE_PRICES, count, weigh
 from imdim.program.edges import EdgeFeature
 from imdim.program.front import Choice
+from imdim.program.motions import move_program, step
 from imdim.program.outline import regions
 from imdim.program.paths import leaf_paths, without
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.rewrite.stacks import stack_turned_parts
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
-from imdim.reconstruction.budget import Budget
+from imdim.reconstruction.budget import SHARES, Budget
 from imdim.reconstruction.choices import choices_beside, thin_front, unite_fronts
 from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_choices, lacking, require_extra
 from imdim.reconstruction.edge_features import SetAside, describe_kept, find_edge_features, place_chain, set_edges_aside
@@ -69,6 +72,7 @@ if TYPE_CHECKING:
     from imdim.learn.policy import Policy
 
 MOST_JOINT = 8  # bodies
+SEED = 0  # of the noise that tells whether a cloud is looked at body by body
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_EDGES = "fillets and chamfers are only looked for on closed meshes: here they are part of the shape, or left out"
@@ -268,6 +272,9 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
     Scraps of surface beside a body are no reason to refuse it: why each was is added to `left_out`.
     """
     bodies = split_bodies(target)
+    if len(parts := _parts_of_noisy_cloud(target)) > 1:
+        yield from _by_noisy_body(target, parts, work)
+        return
     facets = [_count_facets(body) for body in bodies]
     done: list[_BodyState] = []
     for i, body in enumerate(bodies):
@@ -290,6 +297,72 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
         done += [state] if state else []
     if not left_out and 1 < len(done) <= MOST_JOINT:
         yield from _jointly(target, work, _together(done[-1].stage, done))
+
+
+def _parts_of_noisy_cloud(target: Target) -> list[np.ndarray]:
+    """Indices of the points of each body of a noisy cloud where several stand clearly apart; none of other targets. Known scanners see past
+    all bodies, so that their cloud stays whole, and so does a calm one, whose cells tell bodies apart."""
+    if target.mesh is not None or target.scanners is not None or len(split_cloud(target.points, 0.0)) == 1:
+        return []
+    noise = measure_noise(target.points, np.random.default_rng(SEED))[0]
+    return split_cloud(target.points, noise.sigma) if noise.blurs else []
+
+
+def _by_noisy_body(target: Target, parts: Sequence[np.ndarray], work: _Work) -> Iterator[_BodyState]:
+    """States of the union of the bodies of a noisy cloud done so far, of which `parts` are the indices of their points, and then with its
+    numbers fitted to all points. Bodies that are alike are looked at as one, with the points of all.
+
+    Each has its share of the time until a program must be chosen, and of that its own stages.
+    """
+    from imdim.reconstruction.mdl import settle_together
+
+    noise = MeasuredNoise(*measure_noise(target.points, np.random.default_rng(SEED)))
+    done, sigma = list[_BodyState](), noise.model.sigma
+    groups = group_alike([target.points[own] for own in parts], sigma)
+    bodies = [_gather(target, [(parts[i], way) for i, way in group], f"{target.name} body {group[0][0] + 1}") for group in groups]
+    for number, (group, body) in enumerate(zip(groups, bodies, strict=True)):
+        share = len(body.points) / sum(len(rest.points) for rest in bodies[number:])
+        own = Budget(share * work.budget.end_of("choose").left() / SHARES["fit"].by, work.budget.now)
+        if own.whole_s <= 0:
+            work.notes.append(f"no time was left for {len(bodies) - number} of {len(bodies)} bodies: they are boxes")
+            done += [_moved(_box_state(rest), way) for rest, ways in zip(bodies[number:], groups[number:], strict=True) for _, way in ways]
+            break
+        try:
+            for state in _body(body, replace(work, budget=own, alone=False)):
+                alike = [_moved(state, way) for _, way in group]
+                yield _together(state.stage, [*done, *alike])
+        except InputError as error:
+            work.notes.append(f"{error}; left out")
+            continue
+        done += alike
+    if not done:
+        raise InputError(f"{target.name}: no solid explains any of its {len(parts)} bodies")
+    (unit, frame), last = in_unit_frame(target), _together("joint", done)
+    likely = settle_together(frame.apply(last.program), unit.points, sigma * frame.scale, work.budget.end_of("likely"))
+    found = scale_constraints(likely.constraints, 1 / frame.scale)
+    program = snap_measured(frame.undo(likely.program), found, target.points, work.budget.end_of("fit"))
+    error, stop = last.measure(program), CUT if likely.cut else last.stop
+    front = (Choice(program, error),)
+    yield replace(last, program=program, error=error, front=front, found=found, noisy=True, noise=noise, stop=stop)
+
+
+def _gather(target: Target, alike: Sequence[tuple[np.ndarray, np.ndarray]], name: str) -> Target:
+    """The points of bodies that are alike in the place of the first, by their indices and the ways [3] from it."""
+    every = np.concatenate([own for own, _ in alike])
+    points = np.concatenate([target.points[own] - way for own, way in alike])
+    return replace(target, name=name, points=points, normals=None if target.normals is None else target.normals[every])
+
+
+def _moved(state: _BodyState, way: np.ndarray) -> _BodyState:
+    """The state of a body as that of one like it, which stands elsewhere."""
+    if not way.any():
+        return state
+    there, back = step(vec(way)), step(vec(-way))
+    front = tuple(replace(choice, program=move_program(choice.program, there)) for choice in state.front)
+    measure = state.measure
+    return replace(
+        state, program=move_program(state.program, there), front=front, measure=lambda program: measure(move_program(program, back))
+    )
 
 
 def _count_facets(body: Target) -> int:
@@ -471,7 +544,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         if found is None:
             last = replace(last, program=_arrange(_round(last.program, seen, frame, fit_by, work.own), fit_by))
         else:
-            last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
+            measured = snap_measured(last.program, found, frame.to_world(seen.target.points), fit_by)
+            last = replace(last, program=measured, found=found, noisy=True)
         # rounding may part what met; where time was short it is worth more than relations to open what should be open
         last = replace(last, program=_open_films(last.program, seen, frame, budget.end_of("relate")) or last.program)
         if (bounded := _solid_in(seen, frame)) is not None and not fit_by.has_passed():
