@@ -60,6 +60,34 @@ def snake(radius=6.0, other=9.0):
     return Primitive("extrude", (5.0,), outline=Outline((as_floats([*drawn, (*at, 0.0), (17.0, -21.0, 0.0)]),)))
 
 
+def web(radius=15.0, turn=80.0, width=10.0):
+    """The web of a fillet: an arc from a bar's end that comes back along a wall that leans, by its circle."""
+    wall, bar = (np.array([math.cos(t), math.sin(t)]) for t in (math.radians(230), math.radians(220)))
+    touch = np.array([4.0, 9.0])
+    center = touch + radius * np.array([-wall[1], wall[0]])
+    away = touch - center
+    start = center + np.array(turned(away, turn))
+    loop = ((*(touch + 22 * wall), 0.0), (*(start + width * bar), 0.0), (*start, -math.tan(math.radians(turn) / 4)), (*touch, 0.0))
+    return Primitive("extrude", (5.0,), outline=Outline((as_floats(loop),)))
+
+
+def turned(v, degrees):
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return c * v[0] - s * v[1], s * v[0] + c * v[1]
+
+
+def clamp(radius=4.0, slit=0.6, fillet=0.5):
+    """A plate with a hole, off its middle, in which a slit ends; where they meet they are rounded."""
+    x, y = 1.3, -0.7
+    middle = np.array([-math.sqrt((radius + fillet) ** 2 - (slit + fillet) ** 2), slit + fillet])
+    touch, beside = middle * radius / (radius + fillet), math.atan2(middle[1], -middle[0])
+    fillets, hole = math.tan((math.pi / 2 - beside) / 4), -math.tan((2 * math.pi - 2 * beside) / 4)
+    ends = [(-15.0, y + slit, 0.0), (x + middle[0], y + slit, fillets), (x + touch[0], y + touch[1], hole)]
+    ends += [(x + touch[0], y - touch[1], fillets), (x + middle[0], y - slit, 0.0), (-15.0, y - slit, 0.0)]
+    loop = ((15.0, -10.0, 0.0), (15.0, 10.0, 0.0), (-15.0, 10.0, 0.0), *ends, (-15.0, -10.0, 0.0))
+    return Primitive("extrude", (5.0,), outline=Outline((as_floats(loop),)))
+
+
 def lever(radius=9.0, end=4.0, x=30.0, slot=2.0):
     """What a belt about two pulleys bounds, a hole in the large one, and a slanted slot in it, by the normals of its straight sides."""
     far, belt = np.array([x, 12.0]), []
@@ -183,6 +211,46 @@ def test_arcs_that_touch_still_touch_after_an_edit():
             assert bends_between(after)[1:3] == pytest.approx([0, 0], abs=1e-5)
 
 
+def test_an_arc_that_comes_back_along_a_wall_does_so_after_an_edit():
+    delivered = opened(web())
+    assert delivered.texts["program.scad"].count('"cusp after"]') == 1
+    before = delivered.program.outline
+    assert abs(bends_between(before)[3]) == pytest.approx(180)
+    for name in (name for name in delivered.values if "corner" in name or "step" in name):
+        for factor in (0.9, 1.1):
+            after = change_values(delivered, {name: factor * delivered.values[name]}).program.outline
+            assert after != before
+            assert abs(bends_between(after)[3]) == pytest.approx(180, abs=1e-5)
+
+
+def test_a_hole_in_which_a_slit_ends_has_a_radius_and_stays_round():
+    delivered = opened(clamp())
+    assert delivered.values["plate_arc_radius"] == pytest.approx(4.0)
+
+    def hole(values):
+        arc = max(loop_curves(change_values(delivered, values).program.outline.loops[0]), key=lambda c: abs(c[4]))
+        return [*arc_center(arc), arc_radius(arc)]
+
+    others = [name for name in delivered.values if "arc" not in name and "round" not in name]
+    for name in others:
+        for factor in (0.9, 1.1):
+            assert hole({name: factor * delivered.values[name]}) == pytest.approx([1.3, -0.7, 4.0], abs=1e-5), name
+    assert hole({"plate_arc_radius": 4.4, "plate_round_x": 1.0}) == pytest.approx([1.0, -0.7, 4.4], abs=1e-5)
+
+
+def test_an_eye_lies_about_its_hole():
+    """Its centre is as exact as the digits of its ends, which are fewer than those of the hole's."""
+    off, (x, y) = 1e-4, (-35.0, -6.0)
+    start, end = ((x + 5 * math.cos(t), y + 5 * math.sin(t)) for t in (math.radians(80), math.radians(300)))
+    corner = end[0] + 25 * math.cos(math.radians(30)), end[1] + 25 * math.sin(math.radians(30))
+    arm = ((20.0, 12.0, 0.0), (*start, math.tan(math.radians(220) / 4)), (*end, 0.0), (*corner, 0.0), (20.0, 5.0, 0.0))
+    delivered = opened(Primitive("extrude", (5.0,), outline=Outline((arm, circle(2.0, x + off, y)))))
+    assert not [name for name in delivered.values if "round" in name]
+    after = change_values(delivered, {"plate_hole_x": -33.0, "plate_arc_radius": 5.5}).program.outline
+    arc = max(loop_curves(after.loops[0]), key=lambda c: abs(c[4]))
+    assert [*arc_center(arc), arc_radius(arc)] == pytest.approx([-33.0 - off, y, 5.5], abs=1e-5)
+
+
 def test_an_arc_that_is_too_short_for_its_ends_is_refused():
     with pytest.raises(EditError, match=r"plate_arc_radius = 15: line \d+: an arc of radius 15 does not span 42.0119"):
         change_values(opened(wedge()), {"plate_arc_radius": 15.0})
@@ -292,7 +360,8 @@ def every_bend():
         Primitive("extrude", (5.0,), (-45.0, 0.0, 1.0), outline=disc),
     ]
     beside = Primitive("extrude", (5.0,), (0.0, 50.0, 1.0), outline=lever().outline)
-    return Combine("union", Combine("union", wedge(), parts[0]), Combine("union", parts[1], beside))
+    below = Primitive("extrude", (5.0,), (0.0, -50.0, 1.0), outline=web().outline)
+    return Combine("union", Combine("union", Combine("union", wedge(), parts[0]), Combine("union", parts[1], beside)), below)
 
 
 EDITED = {
@@ -301,6 +370,7 @@ EDITED = {
     "profile_corner_y_2": 17.0,
     "profile2_arc_angle": 150.0,
     "profile3_end_radius": 10.0,
+    "profile4_corner_x": -4.5,
     "profile2_across_flats": 4.0,
 }
 
@@ -315,6 +385,7 @@ def test_openscad_draws_every_bend(tmp_path):
             "across_flats(profile2_sides, profile2_across_flats, ",
             "[plate_corner_radius]",
             '"before"',
+            '"cusp after"',
             "bend(profile2_arc_angle)",
             "[plate_arc_radius, 1]",
         )

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 from imdim.program.outline import Loop
 
-Arc = float | tuple[float, ...] | str  # a bulge, (x, y, way), (r, way), (r,), "before" or "after"
-SIDES = ("before", "after")
+Arc = float | tuple[float, ...] | str  # a bulge, (x, y, way), (r, way), (r,), or one of SIDES
+SIDES = ("before", "after", "cusp before", "cusp after")  # the curve that an arc touches, and whether it comes back along that
 
 
 def to_loop(vertices: Sequence[tuple[float, float, Arc]]) -> Loop:
@@ -88,11 +88,11 @@ def _half_turns(at: list[complex], arcs: list[Arc]) -> list[float]:
     def find(i: int, depth: int) -> float:
         arc = arcs[i]
         if arc in SIDES:
-            j = (i - 1) % n if arc == "before" else (i + 1) % n
+            side = 1 if str(arc).endswith("before") else -1
+            j, on = (i - side) % n, -1 if str(arc).startswith("cusp") else 1
             if depth == n or not chords[i] or not chords[j]:
                 raise ValueError("an arc that touches its neighbour needs one that does not touch it in turn, and a length")
-            side = 1 if arc == "before" else -1
-            return side * cmath.phase(chords[i] / (chords[j] * cmath.exp(side * 1j * half(j, depth + 1))))
+            return side * cmath.phase(on * chords[i] / (chords[j] * cmath.exp(side * 1j * half(j, depth + 1))))
         return _half_turn(arc, at[i], at[(i + 1) % n])  # type: ignore[arg-type]
 
     return [half(i) for i in range(n)]

@@ -207,4 +207,4 @@ def _arc(bend: Bend[float]) -> Arc:
         return (bend.radius, bend.way) if bend.way else (bend.radius,)
     if isinstance(bend, BendAngle):
         return bend.way * math.tan(math.radians(bend.angle) / 4)
-    return ("before" if bend.side < 0 else "after") if isinstance(bend, Touching) else bend
+    return bend.word if isinstance(bend, Touching) else bend

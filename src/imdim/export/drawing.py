@@ -5,8 +5,9 @@ or ``across_flats(sides, width, x, y, angle)``, functions
 of each text. In place of a bulge a vertex
 may have ``[x, y, way]``, the centre that the arc runs about and 1 for counter-clockwise or -1; ``[r, way]``, its radius, and if both its
 ends are written at one place, that is its centre, and the lines beside it touch it; ``[r]`` if it rounds the corner that is written at
-both; ``"before"`` or ``"after"``, the curve that it touches; or ``bend(angle)``, the degrees by which it turns. ``reach(r, d)`` is how far
-a circle reaches along a line at a distance from its centre. `bends` works them out.
+both; ``"before"`` or ``"after"``, the curve that it touches, ``"cusp before"`` or ``"cusp after"`` where it comes back along that;
+or ``bend(angle)``, the degrees by which it turns. ``reach(r, d)`` is how far a circle reaches along a line at a distance from its centre.
+`bends` works them out.
 """
 
 from __future__ import annotations
@@ -111,7 +112,7 @@ def _bend(bend: Bend[Expression], rounding: Rounding) -> list[str]:
     if isinstance(bend, BendAngle):
         return [f"{'-' if bend.way < 0 else ''}bend({write_expression(bend.angle, rounding.angle)})"]
     if isinstance(bend, Touching):
-        return ['"before"' if bend.side < 0 else '"after"']
+        return [f'"{bend.word}"']
     bulge = round(bend, SIGNIFICANT_DIGITS)
     return [plain(bulge)] if bulge else []
 

@@ -41,9 +41,16 @@ class BendAngle(Generic[T]):
 
 @dataclass(frozen=True)
 class Touching:
-    """An arc that begins as the curve before it ends (`side` -1), or ends as the one after it begins (1)."""
+    """An arc that begins as the curve before it ends (`side` -1), or ends as the one after it begins (1); in a cusp it does so the other
+    way, back along that curve."""
 
     side: int
+    is_cusp: bool = False
+
+    @property
+    def word(self) -> str:
+        """What the texts write."""
+        return ("cusp " if self.is_cusp else "") + ("before" if self.side < 0 else "after")
 
 
 @dataclass(frozen=True)
@@ -162,7 +169,7 @@ def turn_round(bend: Bend[T]) -> Bend[T]:
     """The bend of the same arc run from its other end."""
     if isinstance(bend, int | float):
         return -bend
-    return Touching(-bend.side) if isinstance(bend, Touching) else replace(bend, way=-bend.way)
+    return replace(bend, side=-bend.side) if isinstance(bend, Touching) else replace(bend, way=-bend.way)
 
 
 def _map_bend(bend: Bend[T], change: Callable[[T], U]) -> Bend[U]:

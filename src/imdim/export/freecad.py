@@ -188,7 +188,7 @@ class _Macro:
         if isinstance(bend, BendAngle):
             return [f"({_sum(bend.angle, self._rounding.angle, ANGLE)}, {bend.way})"]
         if isinstance(bend, Touching):
-            return [_quote("before" if bend.side < 0 else "after")]
+            return [_quote(bend.word)]
         bulge = round(bend, SIGNIFICANT_DIGITS)
         return [plain(bulge)] if bulge else []
 

@@ -121,7 +121,7 @@ def draw(sketch, loop):
     about = [isinstance(arc, list) and len(arc) == 2 and loop[i][:2] == loop[(i + 1) % n][:2] for i, arc in enumerate(arcs)]
     for i, (x, y, *_) in enumerate(loop):
         placed = not (rounds[i] or about[i] or rounds[i - 1] or about[i - 1])
-        smooth = not placed or arcs[i] == "before" or arcs[i - 1] == "after"
+        smooth = not placed or arcs[i] in ("before", "cusp before") or arcs[i - 1] in ("after", "cusp after")
         sketch.addConstraint(Sketcher.Constraint("Tangent" if smooth else "Coincident", *ends[i - 1], *starts[i]))
         if placed:
             place(sketch, x, y, *starts[i])

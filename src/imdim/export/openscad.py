@@ -32,7 +32,7 @@ OUTLINE = """\
 // Closed loops of lines and arcs, of which an odd number hold what is inside. A line runs from a vertex [x, y], an arc from
 // [x, y, bulge], bulge = tan(turn / 4). In place of the bulge [x, y, way] is its centre, way 1 for counter-clockwise or -1; [r, way] its
 // radius, and with both ends written as its centre one that the lines beside it touch; [r] that of one that rounds the corner at both its
-// ends; "before" or "after" the curve that it touches; bend(degrees) its turn.
+// ends; "before" or "after" the curve that it touches, "cusp before" or "cusp after" where it comes back along it; bend(degrees) its turn.
 // A ring is a circle, an ngon a regular polygon with a corner at an angle, across_flats the same by its width from side to side; reach is
 // half a chord, d from the centre.
 function ring(r, x = 0, y = 0) = [[x - r, y, 1], [x + r, y, 1]];
@@ -69,6 +69,8 @@ function half_turn(loop, i) = let(arc = written(loop, i)[2], n = is_list(arc) ? 
   is_undef(arc) ? 0 : is_num(arc) ? 2 * atan(arc) :
   arc == "before" ? turn_between(turned(chord(loop, i - 1), half_turn(loop, i - 1)), chord(loop, i)) :
   arc == "after" ? turn_between(chord(loop, i), turned(chord(loop, i + 1), -half_turn(loop, i + 1))) :
+  arc == "cusp before" ? turn_between(-turned(chord(loop, i - 1), half_turn(loop, i - 1)), chord(loop, i)) :
+  arc == "cusp after" ? turn_between(chord(loop, i), -turned(chord(loop, i + 1), -half_turn(loop, i + 1))) :
   n == 1 ? corner_turn(loop, i) / 2 :
   is_end(loop, i) ? arc[1] * ((1440 + arc[1] * (line_angle(loop, i + 1) - line_angle(loop, i - 1))) % 360) / 2 :
   n == 2 ? arc[1] * asin(norm(chord(loop, i)) / 2 / arc[0]) :

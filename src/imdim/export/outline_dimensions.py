@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
-from imdim.export.outline_joints import DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Row, X, Y, sum_rows
+from imdim.export.outline_joints import CONCENTRIC, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Row, X, Y, sum_rows
 from imdim.export.outline_walls import EXACT
 from imdim.export.slot_sizes import has_round_ends, size_slot
 from imdim.program.tree import Primitive
@@ -139,7 +139,8 @@ class OutlineDimensions:
             arc.size = self.name_radius(
                 "arc_radius" if arc.rim or (arc.crossed and not arc.end) else ROUNDS[arc.half or arc.end, arc.inner], arc.radius
             )
-            hole = next((center for center in holes if math.dist(center, arc.center) <= self.slack), None)
+            near = CONCENTRIC * self.slack if arc.rim else self.slack
+            hole = next((center for center in holes if math.dist(center, arc.center) <= near), None)
             if hole:
                 arc.at = [self.find_place("center", axis, hole[axis]) for axis in (X, Y)]
         held = {(id(arc), axis) for arc, axis in self._held()}

@@ -13,7 +13,9 @@ from imdim.program.regular_polygon import regular_of
 HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
 QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter turn
 STEEP = 0.05  # of the radius: what an arc must reach along a line that it crosses
-TENTH = 0.1  # of a radius
+TENTH = 0.1  # of a radius, or of a place
+CONCENTRIC = 100  # slacks by which an arc's centre, which is told by the digits of its ends, may miss that of a hole
+HALF_TURN = 180.0  # degrees
 WIDEST = 120.0  # degrees by which an arc turns that is told by its radius: the ends of a wider one soon lie too far apart for that
 X, Y = 0, 1
 
@@ -67,8 +69,9 @@ class Joint:
     `fits` whether the vertex is a sum of variables; or an arc `crosses` a line along an axis.
 
     The curve after it turns by `turn` degrees. If it is a loose arc, it `rounds` the corner of two lines, which is `at` then, here and at
-    its other end; or it goes on as the curve before it ends, or ends as the one after it begins (`touches` -1 or 1). Of an end `about` is
-    the arc, at both its joints. Where an arc fills a corner (`_is_filled`), `fills` is the joint at that, at both its ends.
+    its other end; or it goes on as the curve before it ends, or ends as the one after it begins (`touches` -1 or 1), or comes back along
+    either in a cusp (`is_cusp`). Of an end `about` is the arc, at both its joints. Where an arc fills a corner (`_is_filled`), `fills` is
+    the joint at that, at both its ends.
     """
 
     before: DrawnCurve
@@ -80,6 +83,7 @@ class Joint:
     turn: float = 0.0
     rounds: bool = False
     touches: int = 0
+    is_cusp: bool = False
     about: DrawnArc | None = None
     fills: Joint | None = None
 
@@ -212,6 +216,7 @@ class OutlineJoints:
         """Say of loose arcs which corner they round, whether they are ends, or along which neighbour they begin or end."""
         n = len(joints)
         smooth = [self._goes_on(curves[k - 1], curves[k]) for k in range(n)]
+        cusps = [self._comes_back(curves[k - 1], curves[k]) for k in range(n)]
         loose = {k: j.after for k, j in enumerate(joints) if isinstance(j.after, DrawnArc) and j.after.loose}
         between = [k for k in loose if smooth[k] and smooth[(k + 1) % n] and self._is_between_lines(joints, k)]
         corners = {k: self._rounded_corner(curves[k - 1], curves[k]) for k in between}
@@ -220,15 +225,21 @@ class OutlineJoints:
             ends |= grown  # the line between two arcs touches both alike
         for k in loose:
             joint, following, corner = joints[k], joints[(k + 1) % n], corners.get(k)
+            is_rim = abs(joint.turn) > WIDEST and self._is_rim(loose[k]) and self._is_between_movable(joints, k)
             if k in ends:
                 loose[k].end, joint.about, following.about = True, loose[k], loose[k]
             elif corner is not None:
                 joint.rounds, joint.at, following.at = True, corner, corner
+            elif abs(joint.turn) > HALF_TURN and self._is_eye(loose[k]) and self._is_between_movable(joints, k):
+                loose[k].loose, loose[k].rim = False, True  # what touches it gives way
+            elif not is_rim and (cusps[k] or (cusps[(k + 1) % n] and (k + 1) % n not in loose)):
+                # a kink where it should be smooth is a kink, but curves that leave a cusp on the wrong sides cross
+                joint.touches, joint.is_cusp = -1 if cusps[k] else 1, True
             elif smooth[k]:
                 joint.touches = -1
             elif smooth[(k + 1) % n] and (k + 1) % n not in loose:
                 joint.touches = 1
-            elif abs(joint.turn) > WIDEST and self._is_rim(loose[k]) and self._is_between_movable(joints, k):
+            elif is_rim:
                 loose[k].loose, loose[k].rim = False, True
         if all(j.touches == -1 for j in joints):
             joints[0].touches = 0  # one of a ring of arcs is not told by the others
@@ -250,6 +261,11 @@ class OutlineJoints:
         (left, low), (right, high) = self.outline.bounds
         return not arc.half and math.dist(arc.center, ((left + right) / 2, (low + high) / 2)) < arc.radius
 
+    def _is_eye(self, arc: DrawnArc) -> bool:
+        """Whether an arc lies about a hole, or a tenth more of where it is leaves it almost there."""
+        is_about_hole = any(math.dist(center, arc.center) <= CONCENTRIC * self.slack for center in self.centers)
+        return not arc.half and (is_about_hole or TENTH * max(map(abs, arc.center)) <= arc.radius / 4)
+
     def _is_between_movable(self, joints: Sequence[Joint], k: int) -> bool:
         """Whether the curves beside an arc, which may be written as two, go wherever its ends are."""
         arc, n = joints[k].after, len(joints)
@@ -266,6 +282,11 @@ class OutlineJoints:
     def _goes_on(self, a: Curve, b: Curve) -> bool:
         """Whether the second curve begins in the direction in which the first one ends, to the digits of its own ends."""
         bend = _difference(_direction(b, -1), _direction(a, 1))
+        return abs(bend) * min(math.dist(c[:2], c[2:4]) for c in (a, b)) <= self.slack
+
+    def _comes_back(self, a: Curve, b: Curve) -> bool:
+        """Whether the second curve begins in the direction from which the first one came, as `_goes_on`."""
+        bend = _difference(_direction(b, -1), _direction(a, 1) + math.pi)
         return abs(bend) * min(math.dist(c[:2], c[2:4]) for c in (a, b)) <= self.slack
 
     def _rounded_corner(self, before: Curve, arc: Curve) -> Point | None:

@@ -164,7 +164,7 @@ class _VertexSums:
         if joint.rounds:
             return BendRadius(Sum(self.of.name_radius(ROUNDS[False, arc.inner], arc.radius), arc.radius), 0)
         if joint.touches:
-            return Touching(joint.touches)
+            return Touching(joint.touches, joint.is_cusp)
         if arc.half:
             return bulge
         if abs(joint.turn) <= WIDEST:

@@ -75,7 +75,7 @@ CURVES = '''def curves(loop):
     From a vertex [x, y, bulge] runs an arc that turns by 4 atan(bulge), counter-clockwise where that is positive. In place of the
     bulge [x, y, way] is its centre, way 1 for counter-clockwise or -1; [r, way] its radius, and with both ends written as its centre
     one that the lines beside it touch; [r] that of one that rounds the corner at both its ends; "before" or "after" the curve that
-    it touches.
+    it touches, "cusp before" or "cusp after" where it comes back along that.
     """
     n = len(loop)
     written = [complex(*vertex[:2]) for vertex in loop]
@@ -106,6 +106,10 @@ CURVES = '''def curves(loop):
             return phase(chords[i] / chords[i - 1] / exp(1j * half_turn((i - 1) % n)))
         if arc == "after":
             return phase(chords[(i + 1) % n] / chords[i] / exp(1j * half_turn((i + 1) % n)))
+        if arc == "cusp before":
+            return phase(-chords[i] / chords[i - 1] / exp(1j * half_turn((i - 1) % n)))
+        if arc == "cusp after":
+            return phase(-chords[(i + 1) % n] / chords[i] / exp(1j * half_turn((i + 1) % n)))
         if not isinstance(arc, list):
             return 2 * atan(arc)
         *said, way = arc
