@@ -8,7 +8,8 @@ from imdim.export.delivered import texts_of
 from imdim.export.edit import change_values, open_delivered, solid_of
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.codec import dumps, parse
-from imdim.program.constraints import Constraint, Ref
+from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive, combine_all
 from imdim.reconstruction.fitting import relations_of
 
@@ -55,6 +56,21 @@ def test_holes_that_end_in_one_face_go_through_a_thicker_plate():
     assert [c.of for c in without_chance(program, given)] == [c.of for c in flush]
     thicker = solid_of(change_values(delivered(program, given), {"plate_thickness": 8.0}))
     assert thicker.genus() == 2
+
+
+def test_middles_of_cuts_that_begin_in_the_air_are_level_with_their_like_alone():
+    """A blind hole is as deep as another one, and the middle of neither is where a drilled one's, or that of the plate beside it, is."""
+    plate = Primitive("box", (60.0, 20.0, 12.0), (0.0, 0.0, -6.0))
+    blind = [Primitive("cylinder", (2.5, 8.0), (x, 0.0, -4.0)) for x in (-20.0, -10.0)]
+    tip = Outline((((1.5, 4.0, 0.0), (0.0, 4.0, 0.0), (0.0, -4.0, 0.0), (1.5, -3.0, 0.0)),))
+    drilled = Primitive("revolve", (360.0,), (10.0, 0.0, -4.0), outline=tip)
+    lug = Primitive("box", (10.0, 10.0, 4.0), (35.0, 0.0, -4.0))
+    program = combine_all("difference", [Combine("union", plate, lug), *blind, drilled])
+    up = Ref(WORLD, "z")
+    alike = Constraint("aligned", (Ref(2), Ref(3)), about=up, name="as_deep")
+    by_chance = [Constraint("aligned", (Ref(2), other), about=up, name="level") for other in (Ref(1), Ref(4))]
+    across = Constraint("aligned", (Ref(2), Ref(4)), about=Ref(WORLD, "y"), name="in_a_row")
+    assert [c.of for c in without_chance(program, [alike, *by_chance, across])] == [alike.of, across.of]
 
 
 def test_features_level_by_way_of_a_cut_stay_level():

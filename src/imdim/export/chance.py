@@ -6,7 +6,7 @@ where a cut ends that goes through. Two holes that end in one face are level by 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -23,6 +23,7 @@ from imdim.program.tree import SIZE_NAMES, Primitive, Program, leaves, longest
 from imdim.program.vectors import dot, minus
 
 SAME = 1e-6  # of a length: two sizes are one
+WORLD_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
@@ -32,9 +33,11 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
     out: list[Constraint] = []
     for constraint in constraints:
         meant = _seen(constraint.of, air)
-        if constraint.kind in ("aligned", "coplanar"):
-            mixed = constraint.kind == "aligned" and len({bool(ref.feature) for ref in constraint.of}) > 1
-            out += [] if mixed else _of_some(constraint, meant)
+        if constraint.kind == "aligned":
+            mixed = len({bool(ref.feature) for ref in constraint.of}) > 1
+            out += [] if mixed else [tie for akin in _share_middle(constraint, meant, parts, air) for tie in _of_some(constraint, akin)]
+        elif constraint.kind == "coplanar":
+            out += _of_some(constraint, meant)
         elif constraint.kind == "equal" and all(ref.leaf != WORLD for ref in constraint.of):
             groups = dict.fromkeys((roles[ref.leaf], ref.feature) for ref in meant)
             for group in groups:
@@ -123,6 +126,23 @@ def _seen(of: Sequence[Ref], air: Mapping[Ref, Ref | None]) -> list[Ref]:
     """Without ends in the air; where a cut ends in a face that is not among them, that face in its place."""
     seen = (ref if ref not in air or air[ref] in of else air[ref] for ref in of)
     return list(dict.fromkeys(ref for ref in seen if ref is not None))
+
+
+def _share_middle(aligned: Constraint, meant: Sequence[Ref], parts: Sequence[Primitive], air: Collection[Ref]) -> list[list[Ref]]:
+    """Those of what is aligned whose middles say something of each other. Along the axis of a cut that begins in the air nobody measures to
+    its middle, nor to that of what is turned: such are level with their like alone."""
+    about = aligned.about
+    if about is None or any(ref.feature for ref in meant):
+        return [[*meant]]
+    direction = WORLD_AXES[about.feature] if about.leaf == WORLD else axes(parts[about.leaf])["xyz".index(about.feature)]
+    groups: dict[object, list[Ref]] = {}
+    for ref in meant:
+        part = parts[ref.leaf]
+        along = next((name for name, axis in zip("xyz", axes(part), strict=True) if abs(dot(axis, direction)) > 1 - SAME), None)
+        turned = part.kind == "revolve" and along == "z"
+        has_middle = along is None or not (turned or any(Ref(ref.leaf, f"{side}{along}") in air for side in "+-"))
+        groups.setdefault(None if has_middle else (part.kind, tuple(round(s / SAME) for s in part.size)), []).append(ref)
+    return [*groups.values()]
 
 
 def _of_some(constraint: Constraint, of: Sequence[Ref]) -> list[Constraint]:

@@ -60,6 +60,7 @@ from imdim.reconstruction.observation import Observation, UnitBody, UnseenError,
 from imdim.reconstruction.own_frame import find_own_frame, is_placed, turn_back
 from imdim.reconstruction.plain_program import is_hardly_longer
 from imdim.reconstruction.policy_beam import has_time_for_beam, load, load_if_any
+from imdim.reconstruction.polygon_sides import complete_polygons
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.reconstruction.rounding import settle_origin, snap_numbers
 from imdim.reconstruction.stand_ins import take_off_stand_ins
@@ -528,7 +529,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
     home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
     short = preserve(home, reduce_program(home, deadline=fit_by))
     if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():
-        short = complete_holes(short, seen.patches, seen.iou, seen.exact_price)
+        short = complete_polygons(complete_holes(short, seen.patches, seen.iou, seen.exact_price), seen.iou)
     opened = _open_films(frame.undo(short), seen, frame, fit_by)
     short = short if opened is None else frame.apply(opened)
     simple = replace(step, stage="simplify", program=short, error=None, front=())
