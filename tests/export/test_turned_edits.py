@@ -139,3 +139,17 @@ def test_a_rod_through_a_tube_sticks_out_of_it_as_far_as_it_does():
     for name, edited in _tenths(part):
         tube, rod = leaves(edited.program)
         assert rod.size[1] / 2 > max(x for x, y, _ in tube.outline.loops[0] if y < 0) + 5.0, name
+
+
+def test_a_drilled_hole_is_as_deep_as_it_goes_from_its_face():
+    """Not from where its cutter ends in the air."""
+    plate = Primitive("box", (40.0, 30.0, 12.0), (0.0, 0.0, -6.0))
+    bit = Outline((((2.0, 5.0, 0.0), (0.0, 5.0, 0.0), (0.0, -5.0, 0.0), (2.0, -3.8, 0.0)),))
+    part = _read(Combine("difference", plate, Primitive("revolve", (360.0,), (6.0, 4.0, -4.0), outline=bit)))
+    name, *others = [name for name, value in part.values.items() if value == pytest.approx(9.0)]
+    assert name.endswith("_depth")
+    assert not others
+    assert not [name for name, value in part.values.items() if value == pytest.approx(10.0)]
+    _, deeper = leaves(change_values(part, {name: 10.5}).program)
+    lowest = min(y for _, y, _ in deeper.outline.loops[0]) + deeper.center[2]
+    assert lowest == pytest.approx(-10.5)

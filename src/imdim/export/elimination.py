@@ -10,6 +10,7 @@ by as much as they do, and what stands on something stays on it (`seats`).
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -127,6 +128,7 @@ class LinearSystem:
             # what equal bosses have in common is how far they stand out
             if word or Ref(own.leaf, own.local) not in flush:
                 system._add_seat(own.leaf, system.place_of_end(own, 1.0) | system.place_of_end(face, -1.0), word)
+        system._measure_turned_cuts(found, parts, sign)
         seated = {(seat.own.leaf, seat.own.axis, seat.own.side) for seat in found}
         for own, wall, word in at_walls:
             if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
@@ -269,6 +271,15 @@ class LinearSystem:
             away = sum(factor * self.start[v] for v, factor in row.items())
             row[self._share_end(leaf, word, abs(away))] = -math.copysign(1.0, away)
         self.ties.append((leaf, row))
+
+    def _measure_turned_cuts(self, found: Sequence[Seat], parts: Sequence[Primitive], sign: Sequence[int]) -> None:
+        """Turned cuts that begin in the air are as deep as they go from where that ends."""
+        ends = Counter(seat.own.leaf for seat in found)
+        for own, face, word in found:
+            height = self.heights.get(own.leaf)
+            beyond = own.side * (place_of(own, parts) - place_of(face, parts))
+            if height is not None and sign[own.leaf] < 0 and not word and ends[own.leaf] == 1 and beyond > ZERO * self.length:
+                self.rows.append({height: 1.0, self.new(own.leaf, "depth", self.start[height] - beyond): -1.0})
 
     def _share_end(self, leaf: int, word: str, value: float) -> int:
         """The variable that says how deep or how high a leaf is, that of a twin that is so, too."""
