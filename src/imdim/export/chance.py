@@ -29,13 +29,16 @@ WORLD_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
     """The constraints that a designer may have meant, named anew where some went."""
     roles, air, parts, cuts = _roles(program), _in_the_air(program), list(leaves(program)), cuts_of_each(program)
+    sign = signs(program)
     akin_to = partial(_are_akin, parts, Placements.of(program, constraints))
     out: list[Constraint] = []
     for constraint in constraints:
         meant = _seen(constraint.of, air)
         if constraint.kind == "aligned":
             mixed = len({bool(ref.feature) for ref in constraint.of}) > 1
-            out += [] if mixed else [tie for akin in _share_middle(constraint, meant, parts, air) for tie in _of_some(constraint, akin)]
+            out += (
+                [] if mixed else [tie for akin in _share_middle(constraint, meant, parts, sign, air) for tie in _of_some(constraint, akin)]
+            )
         elif constraint.kind == "coplanar":
             out += _of_some(constraint, meant)
         elif constraint.kind == "equal" and all(ref.leaf != WORLD for ref in constraint.of):
@@ -128,9 +131,11 @@ def _seen(of: Sequence[Ref], air: Mapping[Ref, Ref | None]) -> list[Ref]:
     return list(dict.fromkeys(ref for ref in seen if ref is not None))
 
 
-def _share_middle(aligned: Constraint, meant: Sequence[Ref], parts: Sequence[Primitive], air: Collection[Ref]) -> list[list[Ref]]:
-    """Those of what is aligned whose middles say something of each other. Along the axis of a cut that begins in the air nobody measures to
-    its middle, nor to that of what is turned: such are level with their like alone."""
+def _share_middle(
+    aligned: Constraint, meant: Sequence[Ref], parts: Sequence[Primitive], sign: Sequence[int], air: Collection[Ref]
+) -> list[list[Ref]]:
+    """Those of what is aligned whose middles say something of each other. Along the axis of a cut that begins in the air, or that is turned
+    and may do so, nobody measures to its middle: it is level with its like alone."""
     about = aligned.about
     if about is None or any(ref.feature for ref in meant):
         return [[*meant]]
@@ -139,7 +144,7 @@ def _share_middle(aligned: Constraint, meant: Sequence[Ref], parts: Sequence[Pri
     for ref in meant:
         part = parts[ref.leaf]
         along = next((name for name, axis in zip("xyz", axes(part), strict=True) if abs(dot(axis, direction)) > 1 - SAME), None)
-        turned = part.kind == "revolve" and along == "z"
+        turned = part.kind == "revolve" and along == "z" and sign[ref.leaf] < 0
         has_middle = along is None or not (turned or any(Ref(ref.leaf, f"{side}{along}") in air for side in "+-"))
         groups.setdefault(None if has_middle else (part.kind, tuple(round(s / SAME) for s in part.size)), []).append(ref)
     return [*groups.values()]
