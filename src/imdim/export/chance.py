@@ -16,6 +16,7 @@ from imdim.export.seats import Seat, ends_of, seats, sticks_out
 from imdim.export.seen import find_hidden_ends
 from imdim.geometry.lowering import lower
 from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.motions import IDENTITY
 from imdim.program.patterns.congruence import group_by_fit
 from imdim.program.rewrite.containment import axes
 from imdim.program.roles import cuts_of_each, name_constraints, roles_of, signs
@@ -23,7 +24,6 @@ from imdim.program.tree import SIZE_NAMES, Primitive, Program, leaves, longest
 from imdim.program.vectors import dot, minus
 
 SAME = 1e-6  # of a length: two sizes are one
-WORLD_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
@@ -36,9 +36,8 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
         meant = _seen(constraint.of, air)
         if constraint.kind == "aligned":
             mixed = len({bool(ref.feature) for ref in constraint.of}) > 1
-            out += (
-                [] if mixed else [tie for akin in _share_middle(constraint, meant, parts, sign, air) for tie in _of_some(constraint, akin)]
-            )
+            akin = [] if mixed else _share_middle(constraint, meant, parts, sign, air)
+            out += [tie for group in akin for tie in _of_some(constraint, group)]
         elif constraint.kind == "coplanar":
             out += _of_some(constraint, meant)
         elif constraint.kind == "equal" and all(ref.leaf != WORLD for ref in constraint.of):
@@ -139,7 +138,7 @@ def _share_middle(
     about = aligned.about
     if about is None or any(ref.feature for ref in meant):
         return [[*meant]]
-    direction = WORLD_AXES[about.feature] if about.leaf == WORLD else axes(parts[about.leaf])["xyz".index(about.feature)]
+    direction = (IDENTITY if about.leaf == WORLD else axes(parts[about.leaf]))["xyz".index(about.feature)]
     groups: dict[object, list[Ref]] = {}
     for ref in meant:
         part = parts[ref.leaf]

@@ -60,7 +60,7 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
         raise InputError(f"{name}: the mesh has 0 faces with three different corners")
     if len(faces) >= 4 * MAX_BODIES and (count := count_bodies(faces)) > MAX_BODIES:
         raise InputError(f"{name}: the mesh has {count} separate bodies, at most {MAX_BODIES}")
-    faces, loose = leave_out_scraps(unit, faces)
+    faces, loose = leave_out_scraps(unit, faces) if find_unpaired(faces).size else (faces, 0)
     faces, flat = (faces, 0) if find_unpaired(faces).size else leave_out_flat(unit, faces)
     faces, notes = _orient(unit, faces)
     if loose:
