@@ -55,10 +55,10 @@ def one(part: Path, budget_s: float, language: str) -> dict[str, float]:
     """Stages of one part in this process."""
     rule_the_clock()
     from imdim.app.fit import fit
-    from imdim.reconstruction import pipeline
+    from imdim.reconstruction import one_body
     from imdim.reconstruction.config import Settings
 
-    detection, look, finish = list[float](), pipeline.observe, time.process_time()
+    detection, look, finish = list[float](), one_body.observe, time.process_time()
 
     def timed(*args: object) -> object:
         start = time.process_time()
@@ -67,7 +67,7 @@ def one(part: Path, budget_s: float, language: str) -> dict[str, float]:
         finally:
             detection.append(time.process_time() - start)
 
-    pipeline.observe = timed  # type: ignore[assignment]
+    one_body.observe = timed  # type: ignore[assignment]
     with tempfile.TemporaryDirectory() as folder:
         report = fit(Settings(input=str(part), output=f"{folder}/out", budget_s=budget_s, language=language))
     timing = report["timing"]

@@ -25,9 +25,9 @@ from count_prices import make_designs
 import imdim
 from imdim.geometry import kernels
 from imdim.geometry.solid import to_manifold
-from imdim.program.cost import count
+from imdim.program.cost import CURVE_PRICES, count
 from imdim.program.tree import Program, leaves
-from imdim.reconstruction import methods, pipeline, plain_program
+from imdim.reconstruction import methods, plain_program
 from imdim.reconstruction.description import describe_bits
 from imdim.reconstruction.design_events import PartBox
 from imdim.reconstruction.observation import Observation
@@ -93,7 +93,7 @@ def _fit(design: Program) -> tuple[Program, np.ndarray, np.ndarray]:
 def judge_price(curve: float, each: int) -> tuple[float, int]:
     """How alike the programs are to their designs in the mean, at a price of a curve, and how many features they have."""
     likes, features = list[float](), 0
-    with mock.patch.dict(pipeline.CURVE_PRICES, description=curve):
+    with mock.patch.dict(CURVE_PRICES, description=curve):
         for design, part in make_designs(each):
             found, points, _ = _fit(design)
             likes.append(compare(*(_explain(program, points, NEAR * part.size) for program in (found, design))))

@@ -301,13 +301,13 @@ def test_what_is_too_much_goes_and_relations_hold():
 
 
 def test_where_detection_tells_no_inside_there_is_an_answer_still(monkeypatch):
-    import imdim.reconstruction.pipeline as pipeline
+    from imdim.reconstruction import one_body
 
     def blind(*_):
         raise UnseenError("part: no inside found, 0 of 4 sampled cells")
 
     truth = box(40, 30, 10)
-    monkeypatch.setattr(pipeline, "observe", blind)
+    monkeypatch.setattr(one_body, "observe", blind)
     monkeypatch.setattr(mdl, "shorten", lambda *_, **__: iter(()))  # a start is an answer
     *_, last = reconstruct(target_from(cloud(truth)), Settings(checkpoint="none"), np.random.default_rng(0))
     assert volume_iou(to_manifold(last.program), to_manifold(truth)) > 0.8

@@ -20,7 +20,7 @@ from imdim.program.codec import dumps
 from imdim.program.cost import count
 from imdim.program.outline import circle_of
 from imdim.program.tree import Primitive, Program, leaves
-from imdim.reconstruction import pipeline
+from imdim.reconstruction import one_body, pipeline, several_bodies
 from imdim.reconstruction.config import LANGUAGES, Settings
 from imdim.reconstruction.methods import METHODS, MethodStep, Run
 from imdim.reconstruction.pipeline import Snapshot, reconstruct
@@ -229,8 +229,8 @@ def test_a_flat_scrap_that_no_time_is_left_for_is_left_out(tilt):
 )
 def test_what_lies_beside_a_part_takes_none_of_its_time(others, least, monkeypatch):
     shares = []
-    kept = pipeline._body
-    monkeypatch.setattr(pipeline, "_body", lambda body, work, share=1.0: shares.append((body, share)) or kept(body, work, share))
+    kept = several_bodies.fit_body
+    monkeypatch.setattr(several_bodies, "fit_body", lambda body, work, share=1.0: shares.append((body, share)) or kept(body, work, share))
     solid = mesh_of(complex_part(), 48)
     snapshots(trimesh.util.concatenate([solid, *others]), budget_s=0.5)
     body, share = shares[0]
@@ -380,7 +380,7 @@ def test_what_hangs_together_is_delivered_in_one_body(monkeypatch):
     truth, parted = (union(box(60, 40, 6), box(10, 10, 20, (0, 0, z))) for z in (13.0, 13.004))
     target = target_from(mesh_of(truth))
     frame = Frame.of(target)
-    monkeypatch.setattr(pipeline, "_round", lambda program, *_: program)
+    monkeypatch.setattr(one_body, "_round", lambda program, *_: program)
     monkeypatch.setitem(METHODS, "parted", lambda run: iter([MethodStep("parted", frame.apply(parted))]))
     assert census_of(to_manifold(parted)).bodies == 2
     *_, last = reconstruct(target, Settings(method="parted", language="csg"), np.random.default_rng(0))
@@ -393,13 +393,13 @@ def test_bodies_of_a_noisy_cloud_that_stand_apart_are_fitted_apart_and_alike_one
     pegs = [cylinder(5, 24, (0.0, 0.0, 0.0)), cylinder(5, 24, (0.0, 30.0, 0.0))]
     parts = [*pegs, box(30, 20, 10, (50.0, 0.0, 0.0))]
     points = np.concatenate([surface_points(part, n, rng)[0] for part, n in zip(parts, (1500, 1500, 1800), strict=True)])
-    body = pipeline._body
+    body = several_bodies.fit_body
 
     def seen(target, work, share=1.0):
         sizes.append(len(target.points))
         return body(target, work, share)
 
-    monkeypatch.setattr(pipeline, "_body", seen)
+    monkeypatch.setattr(several_bodies, "fit_body", seen)
     target = target_from(points + rng.normal(0, 0.4, points.shape))
     *_, last = reconstruct(target, Settings(budget_s=30.0, checkpoint="none", evolution=False), rng, time.process_time)
     assert [round(size, -2) for size in sizes] == [3000, 1800]

@@ -12,7 +12,7 @@ from imdim.geometry.solid import volume
 from imdim.program.constraints import Constraint, Ref
 from imdim.program.patterns.detect import Folding, fold_repeats
 from imdim.program.tree import leaves, map_leaves
-from imdim.reconstruction import fitting, pipeline
+from imdim.reconstruction import body_state, fitting, one_body, pipeline
 from imdim.reconstruction.pipeline import reconstruct_best
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.target.target import target_from
@@ -77,7 +77,7 @@ def test_turned_facets_are_no_change():
 
 
 def test_simplifying_wrongly_is_refused(monkeypatch):
-    monkeypatch.setattr(pipeline, "reduce_program", lambda program, deadline: box(1, 1, 1))
+    monkeypatch.setattr(one_body, "reduce_program", lambda program, deadline: box(1, 1, 1))
     last = reconstruct_best(target_from(mesh_of(PLATE)))
     assert is_same(last.program, PLATE, 1e-3)
 
@@ -116,8 +116,8 @@ def test_the_last_error_is_that_of_the_program_it_carries(monkeypatch):
 
 def test_a_guess_of_nothing_has_an_error():
     nothing = cut(box(1, 1, 1), box(2, 2, 2))
-    state = pipeline._BodyState("policy", nothing, 1.0, 0.0, lambda _: 1.0)
-    assert pipeline._error(nothing, [state]) == 1.0
+    state = body_state.BodyState("policy", nothing, 1.0, 0.0, lambda _: 1.0)
+    assert body_state.measure_apart(nothing, [state]) == 1.0
 
 
 @pytest.mark.parametrize("name", ["plate with four holes", "stepped shaft"])

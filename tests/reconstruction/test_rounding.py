@@ -12,7 +12,7 @@ from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import signed_distance
 from imdim.program.outline import Outline
 from imdim.program.tree import Primitive, leaves
-from imdim.reconstruction import observation, pipeline, rounding
+from imdim.reconstruction import observation, one_body, rounding
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.fitting import fit_numbers
 from imdim.reconstruction.observation import UnitBody, observe
@@ -86,7 +86,7 @@ def test_the_cones_that_a_stack_is_made_of_get_round_numbers_too():
     head = common(long, cylinder(13.9, 26.725, (0, 0, 14.0375)))
     _, _, *others = leaves(FUNNEL)
     found = cut(union(head, *others[:3]), *others[3:])
-    parts = list(leaves(pipeline._round(found, *seen_of(mesh_of(FUNNEL, 64)), NEVER, None)))
+    parts = list(leaves(one_body._round(found, *seen_of(mesh_of(FUNNEL, 64)), NEVER, None)))
     assert cone(7.45, 13.9, 10.0, (0, 0, 12.4)) in parts
     assert cylinder(13.9, 10.0, (0, 0, 22.4)) in parts
 

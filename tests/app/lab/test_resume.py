@@ -14,7 +14,7 @@ from imdim.app.lab.resume import Rates
 from imdim.geometry.kernels import program_sdf
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.tree import Combine, leaves
-from imdim.reconstruction import pipeline
+from imdim.reconstruction import one_body
 from imdim.reconstruction.config import Settings
 from imdim.target.target import sample_surface, target_from
 
@@ -68,7 +68,7 @@ def test_a_clouds_numbers_are_fitted_to_points_in_the_programs_own_frame(monkeyp
         apart.append(float(np.abs(program_sdf(program, seen.target.points)).mean()))
         return program
 
-    monkeypatch.setattr(pipeline, "fit_numbers", solved)
+    monkeypatch.setattr(one_body, "fit_numbers", solved)
     points = sample_surface(mesh_of(truth).vertices, mesh_of(truth).faces, 3000, np.random.default_rng(0))[0]
     *_, last = resume.resume_evolution(target_from(points), truth, SETTINGS, RATES, lambda: 0.0)
     assert apart[0] < 1e-3
@@ -91,7 +91,7 @@ def test_a_program_that_is_simplified_after_its_evolution_is_on_no_older_front(m
     def split(program, **_):
         return Combine("union", program, next(leaves(program)))
 
-    monkeypatch.setattr(pipeline, "reduce_program", split)
+    monkeypatch.setattr(one_body, "reduce_program", split)
     told = go_on(spoilt)
     assert [s.stage for s in told if s.front and s.stage == "evolve"]
     assert next(s for s in told if s.stage == "simplify").front == ()

@@ -1,0 +1,304 @@
+"""The program of one body of a target: what is set aside, what is observed, a method of the search over that, then the numbers.
+
+A generator of states, so that progress, a time limit and tests work from outside. Work is bounded by counts; the clock only cuts a search
+that outruns its budget, and the last state then says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from manifold3d import Manifold
+
+from imdim.deadline import Deadline
+from imdim.detection.noise import MeasuredNoise
+from imdim.geometry.finish.closed_voids import close_voids
+from imdim.geometry.finish.cut_ends import end_cuts_in_faces
+from imdim.geometry.finish.cutter_walls import open_films
+from imdim.geometry.finish.datum_ends import begin_at_datums
+from imdim.geometry.finish.free_ends import draw_back
+from imdim.geometry.finish.late_cuts import cut_last, group_cuts, lead_with_body
+from imdim.geometry.finish.loose_bodies import join_bodies
+from imdim.geometry.finish.overshoot import without_strays
+from imdim.geometry.finish.parted import part_bodies
+from imdim.geometry.finish.rails import part_at_posts
+from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.finish.turned_feet import stand_on_faces
+from imdim.geometry.solid import bounds_of, to_manifold
+from imdim.program.constraints import Constraint, scale_constraints
+from imdim.program.cost import CURVE_PRICES
+from imdim.program.front import Choice
+from imdim.program.rewrite.simplify import reduce_program
+from imdim.program.rewrite.stacks import stack_turned_parts
+from imdim.program.tree import Program
+from imdim.reconstruction.body_state import UNKNOWN, BodyState, put_teeth_on_state
+from imdim.reconstruction.budget import Budget
+from imdim.reconstruction.choices import choices_beside
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.edge_features import SetAside, place_chain, set_edges_aside
+from imdim.reconstruction.fitting import fit_numbers, snap_measured
+from imdim.reconstruction.hole_ends import complete_holes
+from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, MethodStep, PolicyOf, Run, time_to_propose
+from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, find_solid, observe
+from imdim.reconstruction.own_frame import is_placed, turn_back
+from imdim.reconstruction.plain_program import is_hardly_longer
+from imdim.reconstruction.policy_beam import has_time_for_beam
+from imdim.reconstruction.polygon_sides import complete_polygons
+from imdim.reconstruction.preserve import is_same, preserve
+from imdim.reconstruction.rounding import settle_origin, snap_numbers
+from imdim.reconstruction.teeth_aside import Untoothed, set_teeth_aside
+from imdim.reconstruction.threads_aside import Unthreaded, set_threads_aside
+from imdim.target.target import Frame, InputError, Target, in_unit_frame
+
+GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
+NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
+SCANNED = "not proved: the mesh is a scan, its program is the likeliest by points of its surface"
+NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
+
+
+@dataclass(frozen=True)
+class Work:
+    """What all bodies of a run share. `guesses` is whether a body that shows no inside may be answered from its points alone; `alone` is
+    whether no other stands beside it, whose places would have to move with its own. `notes` grow as the run does without something. `own`
+    is the frame that the part is turned into, if it is."""
+
+    settings: Settings
+    method: Method
+    guesses: bool
+    policy: PolicyOf
+    budget: Budget
+    rng: np.random.Generator
+    notes: list[str] = field(default_factory=list)
+    alone: bool = True
+    own: Frame | None = None
+
+
+def fit_body(body: Target, work: Work, share: float = 1.0) -> Iterator[BodyState]:
+    """Better and better programs of one body without its fillets and chamfers; it may take a share of the time left."""
+    drawn = work.settings.language == "cad" and work.method in METHODS.values()  # a person's program has its teeth
+    bare = set_teeth_aside(body) if drawn else Untoothed(body)
+    if bare.rims:
+        yield from (put_teeth_on_state(state, bare.rims) for state in _bare_body(bare.target, work, share))
+    else:
+        yield from _bare_body(body, work, share)
+
+
+def _bare_body(body: Target, work: Work, share: float) -> Iterator[BodyState]:
+    """As `fit_body`, of one whose teeth are set aside."""
+    unit, frame = in_unit_frame(body)
+    detect_by = work.budget.part_of("detect", share)
+    plain = set_threads_aside(unit, 1 / frame.scale) if work.settings.language == "cad" else Unthreaded(unit)
+    work.notes.extend(note for note in plain.notes if note not in work.notes)
+    aside = set_edges_aside(plain.target, detect_by) if work.settings.language == "cad" else SetAside(unit)
+    cut = body.mesh is not None and detect_by.has_passed()
+    chains, kept = (tuple(place_chain(chain, frame) for chain in found) for found in (aside.chains, aside.kept))
+    observed = UnitBody.of(aside.target, work.rng, aside.patches, detect_by, work.settings.language == "cad")
+    # rims lie between whole features, whether these are drawn or not
+    blended = not all(chain.is_rim for chain in chains)
+    noise = MeasuredNoise(observed.noise.scale(1 / frame.scale), observed.kept)
+    for state in _sharp_body(body, observed, frame, work, share, blended):
+        stop, shows = CUT if cut else state.stop, shows_edges(state, body)
+        yield replace(state, chains=chains, kept=kept, stop=stop, noise=noise, shows_edges=shows)
+
+
+def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, share: float, blended: bool = False) -> Iterator[BodyState]:
+    """Programs of one body as it is `observed` in its unit frame; `blended` if edges other than rims were set aside."""
+    budget, settings = work.budget, work.settings
+    solid = find_solid(observed.target) if observed.scanned and work.guesses else None
+    if solid is not None and (state := _scanned_body(observed, solid, frame, work, share)) is not None:
+        yield state
+        return
+    try:
+        detect_by, label_by = budget.part_of("detect", share), budget.part_of("label", share)
+        outlines, curve = settings.language == "cad", CURVE_PRICES[settings.counted]
+        seen = observe(observed, settings.size_weight, work.rng, detect_by, label_by, outlines, curve)
+    except UnseenError as error:
+        guess = _guess(observed, work, share, error.cut) if work.method in METHODS.values() else None  # a person's program is not dropped
+        if guess is None:
+            raise
+        step, found = guess
+        volume = to_manifold(step.program).volume()
+        state = BodyState(
+            step.stage, frame.undo(step.program), UNKNOWN, volume / frame.scale**3, lambda _: UNKNOWN, (), step.proof, step.stop
+        )
+        front, found = (Choice(state.program, UNKNOWN),), scale_constraints(found, 1 / frame.scale)
+        yield replace(state, front=front, found=found, noisy=observed.noise.blurs)
+        return
+    step = None
+    for step in work.method(Run(seen, settings, work.policy, budget, work.rng, share, blended, 1 / frame.scale)):
+        yield _state(step, seen, frame)
+    if step is None:
+        raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
+    choose_by, fit_by = _times(budget, share)
+    home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
+    short = preserve(home, reduce_program(home, deadline=fit_by))
+    if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():
+        short = complete_polygons(complete_holes(short, seen.patches, seen.iou, seen.exact_price), seen.iou)
+    opened = _open_films(frame.undo(short), seen, frame, fit_by)
+    short = short if opened is None else frame.apply(opened)
+    simple = replace(step, stage="simplify", program=short, error=None, front=())
+    last = _state(simple, seen, frame)
+    yield last
+    if settings.solver:
+        solve_by = budget.part_of("likely", share) if seen.noisy else fit_by
+        fitted, found = _solve(simple, seen, choose_by, solve_by, settings, work.policy)
+        if work.alone and found is None and not fit_by.has_passed():
+            frame = settle_origin(frame.undo(fitted.program), seen, frame)
+        last = _state(fitted, seen, frame)
+        found = None if found is None else scale_constraints(found, 1 / frame.scale)
+        if found is None:
+            last = replace(last, program=_arrange(_round(last.program, seen, frame, fit_by, work.own), fit_by))
+        else:
+            measured = snap_measured(last.program, found, frame.to_world(seen.target.points), fit_by)
+            last = replace(last, program=measured, found=found, noisy=True)
+        # rounding may part what met; where time was short it is worth more than relations to open what should be open
+        last = replace(last, program=_open_films(last.program, seen, frame, budget.end_of("relate")) or last.program)
+        if (bounded := _solid_in(seen, frame)) is not None and not fit_by.has_passed():
+            last = replace(last, program=close_voids(join_bodies(last.program, bounded, fit_by), bounded, fit_by))
+    cut = seen.cut or fit_by.has_passed()
+    yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
+
+
+def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: Work, share: float) -> BodyState | None:
+    """The program of a scanned body, judged by the points of its surface; its error is the volume in which it differs from the solid."""
+    from imdim.reconstruction.mdl import reconstruct_scan  # of clouds and scans: most meshes need not wait for it
+
+    # few numbers are left to be fitted, and rounding is quick: the search may take longer than a cloud's
+    times = work.budget.part_of("likely", share), work.budget.part_of("fit", share)
+    likely = reconstruct_scan(observed, work.rng, *times, work.settings.language == "cad")
+    if likely is None:
+        return None
+
+    def measure(program: Program) -> float:
+        made = to_manifold(frame.apply(program))
+        return ((made - solid).volume() + (solid - made).volume()) / solid.volume()
+
+    program = frame.undo(likely.program)
+    error = measure(program)
+    state = BodyState("solve", program, error, solid.volume() / frame.scale**3, measure, (Choice(program, error),), SCANNED)
+    found = scale_constraints(likely.constraints, 1 / frame.scale)
+    return replace(state, stop=CUT if likely.cut else "finished", found=found, noisy=True)
+
+
+def _guess(body: UnitBody, work: Work, share: float, cut: bool) -> tuple[MethodStep, tuple[Constraint, ...]] | None:
+    """A program of a cloud from its points alone, and its relations; of a calm one only where time `cut` its detection short. None of a
+    mesh, for which the policy need not be loaded."""
+    if body.target.mesh is not None or not (cut or work.guesses):
+        return None
+    from imdim.reconstruction.mdl import reconstruct_unlabelled
+
+    asked = work.guesses and (work.settings.method == "policy" or time_to_propose(work.budget))
+    likely = reconstruct_unlabelled(
+        body, work.policy() if asked else None, *_times(work.budget, share), calm=cut, drawn=work.settings.language == "cad"
+    )
+    if likely is None:
+        return None
+    step = MethodStep("policy", likely.program, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE)
+    return step.cut_if(cut or likely.cut or not asked), likely.constraints
+
+
+def _times(budget: Budget, share: float) -> tuple[Deadline, Deadline]:
+    """When a body's program must be chosen, and its numbers fitted; each may take a share of the time left."""
+    return budget.part_of("choose", share), budget.part_of("fit", share)
+
+
+def _solve(
+    step: MethodStep, seen: Observation, choose_by: Deadline, fit_by: Deadline, settings: Settings, policy: PolicyOf
+) -> tuple[MethodStep, tuple[Constraint, ...] | None]:
+    """The step with fitted numbers; of a noisy cloud with a program of other primitives perhaps, which no proof is of, and with the
+    relations that its points support."""
+    if not seen.noisy:
+        return replace(step, stage="solve", program=fit_numbers(step.program, seen, fit_by)), None
+    from imdim.reconstruction.mdl import most_likely
+
+    drawn = settings.language == "cad"
+    # torch takes seconds to load
+    asked = has_time_for_beam(choose_by)
+    likely = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn, policy() if asked else None, settings.evolution)
+    return replace(step, stage="solve", program=likely.program, proof="").cut_if(likely.cut or not asked), likely.constraints
+
+
+def _finish_state(last: BodyState, others: Sequence[Program], seen: Observation, frame: Frame, budget: Budget) -> BodyState:
+    """The last state, its error measured, with its front, of which it alone is where time is short; `others` are in the unit frame."""
+    unit = frame.apply(last.program)
+    error = seen.error(unit)
+    if budget.end_of("front").has_passed():
+        return replace(last, error=error, front=(Choice(last.program, error),), stop=CUT)
+    return replace(last, error=error, front=tuple(choices_beside(last.program, unit, others, seen.evidence, frame)))
+
+
+def _state(step: MethodStep, seen: Observation, frame: Frame) -> BodyState:
+    """A step in the body's units."""
+    error = seen.error(step.program) if step.error is None else step.error
+    volume = seen.cells.volume / frame.scale**3
+
+    def measure(program: Program) -> float:
+        return seen.error(frame.apply(program))
+
+    front = tuple(replace(c, program=frame.undo(c.program)) for c in step.front)
+    return BodyState(step.stage, frame.undo(step.program), error, volume, measure, front, step.proof, step.stop)
+
+
+def _round(program: Program, seen: Observation, frame: Frame, deadline: Deadline, own: Frame | None) -> Program:
+    """The program in the body's units with round numbers, and with those of the cylinders and cones that its turned parts are stacks of."""
+    placed = own if own is not None and is_placed(program, own) else None
+    rounded = _snap(program, seen, frame, deadline, placed)
+    if deadline.has_passed():
+        return rounded
+    # where walls are stacked and parts stand is known once they are round, and then the ends that they get are to be rounded
+    flat = cut_last(rounded, deadline)
+    stood = preserve(flat, stack_turned_parts(flat), deadline=deadline)
+    if (solid := _solid_in(seen, frame)) is not None:
+        stood = stand_on_faces(stood, solid, deadline)
+    return rounded if stood == flat else _snap(stood, seen, frame, deadline, placed)
+
+
+def _snap(program: Program, seen: Observation, frame: Frame, deadline: Deadline, placed: Frame | None) -> Program:
+    """The program with typed numbers: those of the world where the parts of a body that lies aslant were `placed` there."""
+    if placed is None:
+        return snap_numbers(program, seen, frame, deadline)
+    return placed.apply(snap_numbers(turn_back(program, placed), seen, frame.within(placed), deadline))
+
+
+def _arrange(program: Program, deadline: Deadline) -> Program:
+    """The same solid as a person writes it: cutters that end where they leave the part, turned parts as stacks, the body first and its
+    cuts last, bodies that are cut in two as two, bosses that begin at the base, rails between posts, and cuts that end with what they cut,
+    in the order of what they serve; as far as time allows."""
+    if deadline.has_passed():
+        return program
+    program = preserve(program, draw_back(program, deadline), deadline=deadline)
+    bounds = bounds_of(to_manifold(program, CHECK_SEGMENTS))
+
+    def is_plainer(new: Program, old: Program) -> bool:
+        return is_hardly_longer(new, old, *bounds) and is_same(old, new, HIDDEN, FINELY)
+
+    flat = cut_last(preserve(program, stack_turned_parts(program), deadline=deadline), deadline)
+    apart = part_bodies(flat, is_plainer, deadline)
+    flat = flat if apart == flat else cut_last(apart, deadline)
+    if not deadline.has_passed():
+        flat = preserve(flat, begin_at_datums(flat, deadline), deadline=deadline)
+    # posts have come down to the base
+    railed = part_at_posts(flat, is_plainer, deadline)
+    return group_cuts(lead_with_body(preserve(railed, end_cuts_in_faces(railed, deadline), deadline=deadline)))
+
+
+def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program | None:
+    """The program, in the body's units, whose cutters go on past films that are not the body's; None where it has none, or nobody knows."""
+    solid = _solid_in(seen, frame)
+    if solid is None:
+        return None
+    opened = open_films(program, solid, deadline)
+    return None if opened is program else opened
+
+
+def _solid_in(seen: Observation, frame: Frame) -> Manifold | None:
+    """The solid that the body's mesh bounds, in the body's units."""
+    factor = 1 / frame.scale
+    return None if seen.solid is None else seen.solid.scale((factor, factor, factor)).translate(frame.center)
+
+
+def shows_edges(state: BodyState, target: Target) -> bool:
+    """Whether fillets and chamfers of a target are looked for, whose faces points, open meshes and scans do not show."""
+    return target.mesh is not None and target.is_solid and not state.noisy
