@@ -5,13 +5,13 @@ Only the target is looked at, and where its elements lie off the result. What ca
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from imdim.delivery.surface_elements import SurfaceElements
+from imdim.detection.face_pieces import number_faces
 from imdim.detection.faceting import ON_SURFACE, chord_pairs
 from imdim.detection.facets import Facets
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
@@ -26,12 +26,10 @@ Kind = Literal["thread", "teeth", "text", "freeform"]
 ONE_DEPTH = 0.05  # of a text's depth, by which that of its pieces differs
 ROUND_ENDS = 0.5  # of the height of flanks: tips and roots beyond them
 LEAST_LETTERS = 3
-MOST_FACES = 200  # flat ones, the largest, that may carry text
 SMALL = 0.1  # of the face that carries it: a piece of text
 ON_ONE_FACE = 0.9  # share of the rim of a piece
 LEVEL = 0.9  # share of pieces of a text that are as high as most
 UNLIKE = 0.05  # relative, by which areas of letters differ at least
-FLAT_FACE = math.cos(math.radians(0.5))
 BENT_TWO_WAYS = 0.3  # sine between two directions about which a surface turns
 FREEFORM = 0.5  # share of a region
 MOST_FITTED = 400  # points of a freeform region, when it is asked whether it is a torus after all
@@ -87,7 +85,7 @@ def find_text(elements: SurfaceElements, facets: Facets, off: np.ndarray) -> Ite
     a, b = elements.links.T
     both = off[a] & off[b]
     count, piece = components(a[both], b[both], len(off))
-    face, sizes = _faces_of(facets)
+    face, sizes = number_faces(facets)
     on = _carriers(elements, off, piece, count, face, len(sizes))
     carried = np.flatnonzero(off & (on[piece] >= 0))
     height, own = _heights(elements, facets, carried, face, on[piece[carried]]), piece[carried]
@@ -110,19 +108,6 @@ def _is_text(areas: np.ndarray, depths: np.ndarray) -> bool:
     if len(areas) < LEAST_LETTERS or np.ptp(areas) < UNLIKE * areas.max():
         return False
     return bool(np.mean(np.abs(depths - np.median(depths)) < ONE_DEPTH * np.median(depths)) >= LEVEL)
-
-
-def _faces_of(facets: Facets) -> tuple[np.ndarray, np.ndarray]:
-    """The face [u] that each facet is of, one for all that lie in one plane, -1 beyond the MOST_FACES largest, and the areas of these."""
-    order = np.argsort(-facets.areas, kind="stable")[:MOST_FACES]
-    face, near, number = np.full(len(facets.areas), -1), ON_SURFACE * facets.diagonal, 0
-    for i in order:
-        if face[i] >= 0:
-            continue
-        level = np.abs((facets.centers - facets.centers[i]) @ facets.normals[i]) < near
-        face[level & (facets.normals @ facets.normals[i] > FLAT_FACE) & (face < 0)] = number
-        number += 1
-    return face, np.bincount(face[face >= 0], facets.areas[face >= 0], number)
 
 
 def _carriers(elements: SurfaceElements, off: np.ndarray, piece: np.ndarray, count: int, face: np.ndarray, faces: int) -> np.ndarray:

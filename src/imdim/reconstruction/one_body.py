@@ -49,6 +49,7 @@ from imdim.reconstruction.polygon_sides import complete_polygons
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.reconstruction.rounding import settle_origin, snap_numbers
 from imdim.reconstruction.teeth_aside import Untoothed, set_teeth_aside
+from imdim.reconstruction.text_aside import Untexted, set_text_aside
 from imdim.reconstruction.threads_aside import Unthreaded, set_threads_aside
 from imdim.target.target import Frame, InputError, Target, in_unit_frame
 
@@ -76,17 +77,19 @@ class Work:
 
 
 def fit_body(body: Target, work: Work, share: float = 1.0) -> Iterator[BodyState]:
-    """Better and better programs of one body without its fillets and chamfers; it may take a share of the time left."""
-    drawn = work.settings.language == "cad" and work.method in METHODS.values()  # a person's program has its teeth
-    bare = set_teeth_aside(body) if drawn else Untoothed(body)
+    """Better and better programs of one body without its text, fillets and chamfers; it may take a share of the time left."""
+    drawn = work.settings.language == "cad" and work.method in METHODS.values()  # a person's program has its teeth and its text
+    plain = set_text_aside(body, work.own) if drawn else Untexted(body)
+    work.notes.extend(note for note in plain.notes if note not in work.notes)
+    bare = set_teeth_aside(plain.target) if drawn else Untoothed(plain.target)
     if bare.rims:
         yield from (put_teeth_on_state(state, bare.rims) for state in _bare_body(bare.target, work, share))
     else:
-        yield from _bare_body(body, work, share)
+        yield from _bare_body(bare.target, work, share)
 
 
 def _bare_body(body: Target, work: Work, share: float) -> Iterator[BodyState]:
-    """As `fit_body`, of one whose teeth are set aside."""
+    """As `fit_body`, of one whose text and teeth are set aside."""
     unit, frame = in_unit_frame(body)
     detect_by = work.budget.part_of("detect", share)
     plain = set_threads_aside(unit, 1 / frame.scale) if work.settings.language == "cad" else Unthreaded(unit)
