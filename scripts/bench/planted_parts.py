@@ -10,10 +10,10 @@ import numpy as np
 from processor import CLOCKS, rule_the_clock
 
 
-def asked_parts(about: str | None, out: Path) -> Iterator[tuple[np.random.Generator, int, Path, float]]:
+def asked_parts(about: str | None, out: Path, parts: int = 40) -> Iterator[tuple[np.random.Generator, int, Path, float]]:
     """For each part that the command line asks for a generator of its own, its number, its folder and the budget in seconds."""
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--parts", type=int, default=40)
+    parser.add_argument("--parts", type=int, default=parts)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=out)
     parser.add_argument("--budget", type=float, default=60.0)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
+from manifold3d import CrossSection
 from scipy.spatial import ConvexHull, QhullError
 
 from imdim.detection.face_pieces import CarryingFace, FacePiece, find_face_pieces
@@ -22,20 +23,25 @@ from imdim.geometry.components import components
 
 LEAST_LETTERS = 3
 ONE_DEPTH = 0.05  # of a piece's depth, by which that of others differs
-CONVEX = 0.9  # of its hull's area, that a plain outline has at least
+INKED = 0.8  # of its hull's area, that a letter fills at most
+CONVEX = 0.9  # of it, that a ring fills with its hole
 ROUND = 0.1  # by which a ring that is no letter is longer one way than across
 ALIKE = 0.02  # relative, by which areas, lengths and reaches of outlines of one letter differ
 ONE_STROKE = (0.6, 1.6)  # of the median, between which widths of strokes are
-MOST_ALIKE = 0.8  # of the letters, that have strokes of one width
-THICK = 0.35  # of the height of letters, that strokes are wide
-DEEP = 0.5  # of it, that letters are deep
+MOST_ALIKE = 0.8  # of the letters, that have strokes of one width, and thin ones
+THICK = 0.5  # of the height of letters, that the largest circle in one is wide
+DEEP = 0.4  # of it, that letters are deep
+WIDE = 1.5  # of it, that most letters are wide at most: some are joined
 BESIDE = 0.5  # of the smaller of two letters, that is beside the other, not above or below
 WORDS_APART = 1.5  # of the height of letters, between two of a row
 LETTERS_APART = 0.5  # of it, likewise between most of them
 TALLEST = 2.2  # times as tall as another letter of a row
-ON_LINE = 0.1  # of the height of letters, by which they are off their base line
-MOST_ON_LINE = 0.6  # of the letters, that stand on it
-AROUND = 0.8  # of the height of letters, within which a dot or an accent belongs to a row
+ON_LINE = 0.05  # of the height of letters, by which they are off their base line
+ON_LINES = 1.6  # share of letters that stand on it, and of those that end at two others, together
+HIGH = 0.5  # of the height of letters: what is lower stands on no line
+MOST_OF_LEVEL = 0.6  # of the pieces of one depth on a face, that stand in rows of text if any do
+AROUND = 1.3  # of the height of letters, within which a dot or a short word belongs to a row: lines are up to two apart
+NO_TALLER = 1.1  # times as tall as the tallest letter of a row, that what is near it is
 DIRECTIONS = 4  # in which rows are looked for, and across
 STEP_DEG = 1.0  # between directions that edges are told apart by
 
@@ -102,10 +108,12 @@ def _read(face: CarryingFace, pieces: Sequence[FacePiece]) -> Iterator[Lettering
     if not best:
         return
     own = _with_dots(shapes, best, way)
+    letters = sum(_count_letters([shapes[i] for i in row], way) for row in own)
+    if letters < LEAST_LETTERS or sum(map(len, best)) < MOST_OF_LEVEL * len(shapes):
+        return
     corners = np.concatenate([shapes[i].corners for i in np.concatenate(own)])
     turn = _turn(way)
     middle = turn.T @ ((corners @ turn.T).min(0) + (corners @ turn.T).max(0)) / 2
-    letters = sum(_count_letters([shapes[i] for i in row], way) for row in own)
     point = face.point + face.frame[:, :2] @ middle
     yield Lettering(tuple(pieces[i] for row in own for i in row), depth, point, face.frame[:, 2], letters, len(own))
 
@@ -128,16 +136,16 @@ def _edges(loop: np.ndarray) -> np.ndarray:
 
 
 def _is_plain(piece: FacePiece) -> bool:
-    """Whether a boss, a pad, a slot or a standoff has such an outline: a convex one, with no hole, or with one that is as wide as long."""
+    """Whether a boss, a pad, a slot or a standoff has such an outline: one that is all but convex, or a ring that is as wide as long."""
     outer = max(piece.outlines, key=_area)
     try:
         hull = float(ConvexHull(outer).volume)
     except QhullError:
         return True
-    if _area(outer) < CONVEX * hull or len(piece.outlines) > 2:
-        return False
-    if len(piece.outlines) == 1:
+    if sum(map(_area, piece.outlines)) > INKED * hull:
         return True
+    if _area(outer) < CONVEX * hull or len(piece.outlines) != 2:
+        return False
     spread = np.linalg.eigvalsh(np.cov(_even(outer).T))
     return bool(math.sqrt(spread[1] / spread[0]) < 1 + ROUND)
 
@@ -151,17 +159,15 @@ def _even(loop: np.ndarray, count: int = 100) -> np.ndarray:
 
 
 def _directions(shapes: Sequence[_Shape]) -> Iterator[np.ndarray]:
-    """Unit vectors [2] that rows may run along: those of the most edges and of how the pieces are spread, and across them."""
+    """Unit vectors [2] that rows may run along: those of the most and longest edges, and across them."""
     edges = np.concatenate([_edges(loop) for shape in shapes for loop in shape.loops])
     lengths = np.linalg.norm(edges, axis=1)
     bins = round(90 / STEP_DEG)
     place = np.round(np.degrees(np.arctan2(edges[:, 1], edges[:, 0])) % 90 / STEP_DEG).astype(int) % bins
-    total = np.bincount(place, lengths, bins)
-    middles = np.array([shape.corners.mean(0) for shape in shapes])
-    spread = np.linalg.eigh(np.cov(middles.T))[1][:, 1]
+    total = np.bincount(place, lengths**2, bins)
     most = [k for k in np.argsort(-total, kind="stable")[:DIRECTIONS] if total[k] > 0]
     longest = [np.flatnonzero(place == k)[lengths[place == k].argmax()] for k in most]
-    for x, y in [spread, *(edges[i] / lengths[i] for i in longest)]:
+    for x, y in (edges[i] / lengths[i] for i in longest):
         yield np.array([x, y])
         yield np.array([-y, x])
 
@@ -198,25 +204,57 @@ def _rows(shapes: Sequence[_Shape], along: np.ndarray, depth: float) -> Iterator
 def _is_text(shapes: Sequence[_Shape], low: np.ndarray, high: np.ndarray, depth: float) -> bool:
     """Whether pieces [k] that stand side by side between corners [k, 2] are letters."""
     letter = np.array([not shape.is_plain for shape in shapes])
-    if len(shapes) < LEAST_LETTERS or letter.mean() <= 0.5:
-        return False
     letters = [shape for shape in shapes if not shape.is_plain]
+    if len(shapes) < LEAST_LETTERS or letter.mean() <= 0.5 or _count_different(shapes) < LEAST_LETTERS or _count_different(letters) < 2:
+        return False
     height = float(np.median((high - low)[letter, 1]))
+    is_high = letter | (high[:, 1] - low[:, 1] > HIGH * height)
+    order = np.argsort(low[:, 0])
+    gaps = low[order[1:], 0] - np.maximum.accumulate(high[order, 0])[:-1]
+    return bool(
+        depth < DEEP * height
+        and np.median(gaps) < LETTERS_APART * height
+        and np.median((high - low)[letter, 0]) < WIDE * height
+        and _are_strokes(letters, height)
+        and not _are_stacked(low[letter, 0], high[letter, 0])
+        and _are_on_lines(low[is_high, 1], high[is_high, 1], height)
+    )
+
+
+def _are_strokes(letters: Sequence[_Shape], height: float) -> bool:
+    """Whether letters of a height are strokes of one width, and thin."""
     strokes = np.array([shape.stroke for shape in letters])
     width = float(np.median(strokes))
     one_width = (strokes > ONE_STROKE[0] * width) & (strokes < ONE_STROKE[1] * width)
-    order = np.argsort(low[:, 0])
-    gaps = low[order[1:], 0] - np.maximum.accumulate(high[order, 0])[:-1]
-    on_line = max(np.mean(np.abs(line - np.median(line)) < ON_LINE * height) for line in (low[letter, 1], high[letter, 1]))
-    return bool(
-        _count_different(shapes) >= LEAST_LETTERS
-        and _count_different(letters) > 1
-        and np.mean(one_width) >= MOST_ALIKE
-        and width < THICK * height
-        and depth < DEEP * height
-        and np.median(gaps) < LETTERS_APART * height
-        and on_line >= MOST_ON_LINE
-    )
+    thin = [CrossSection(list(shape.loops)).offset(-THICK / 2 * height).is_empty() for shape in letters]
+    return bool(min(np.mean(one_width), np.mean(thin)) >= MOST_ALIKE)
+
+
+def _are_stacked(start: np.ndarray, end: np.ndarray) -> bool:
+    """Whether two of what reaches from `start` to `end` [k] along a row lie above each other."""
+    i, j = np.triu_indices(len(start), 1)
+    return bool((np.minimum(end[i], end[j]) - np.maximum(start[i], start[j]) > BESIDE * np.minimum(end[i] - start[i], end[j] - start[j])).any())
+
+
+def _are_on_lines(low: np.ndarray, high: np.ndarray, height: float) -> bool:
+    """Whether letters between `low` and `high` [k] stand on one line, or hang from it, and end at two others at most, as small letters and
+    capitals do. Of three letters each has to."""
+    least = 2.0 if len(low) <= LEAST_LETTERS else ON_LINES
+    for line, ends in ((low, high), (high, low)):
+        on_line = _densest(line, 2 * ON_LINE * height)
+        first = _densest(ends, 2 * ON_LINE * height)
+        second = _densest(ends[~first], 2 * ON_LINE * height)
+        if on_line.mean() + (np.count_nonzero(first) + np.count_nonzero(second)) / len(ends) >= least:
+            return True
+    return False
+
+
+def _densest(values: np.ndarray, width: float) -> np.ndarray:
+    """Which of the values [k] lie in the interval of a width that has the most of them."""
+    if not len(values):
+        return np.zeros(0, bool)
+    inside = (values >= values[:, None]) & (values <= values[:, None] + width)
+    return inside[inside.sum(1).argmax()]
 
 
 def _count_different(shapes: Sequence[_Shape]) -> int:
@@ -230,8 +268,8 @@ def _count_different(shapes: Sequence[_Shape]) -> int:
 
 
 def _with_dots(shapes: Sequence[_Shape], rows: Sequence[np.ndarray], along: np.ndarray) -> list[np.ndarray]:
-    """The rows with dots, accents, stops and short words beside them, which are no rows by themselves: what is no larger than a letter,
-    near a row, and of its stroke."""
+    """The rows with dots, accents, stops and short words beside them, which are no rows by themselves: what is no higher than a letter,
+    near a row, and of its stroke, but no long bar."""
     low, high = _boxes(shapes, along)
     free = set(range(len(shapes))) - set(np.concatenate(rows).tolist())
     out: list[np.ndarray] = []
@@ -242,7 +280,8 @@ def _with_dots(shapes: Sequence[_Shape], rows: Sequence[np.ndarray], along: np.n
         near = [
             i
             for i in sorted(free)
-            if (high[i] - low[i]).max() < TALLEST * height
+            if high[i, 1] - low[i, 1] < NO_TALLER * (high - low)[row, 1].max()
+            and (high[i, 0] - low[i, 0] < TALLEST * height or not shapes[i].is_plain)
             and (low[i] >= start - height).all()
             and (high[i] <= end + height).all()
             and ((high[i] >= start) & (low[i] <= end)).all()
