@@ -27,7 +27,7 @@ LEAST_DEPTH = 2 * ON_SURFACE  # of the diagonal
 
 
 class FacePiece(NamedTuple):
-    """`triangles` [t] of a mesh, which stand on a face that is `depth` below them, negative where they are sunk into it. `rims` are loops of
+    """`triangles` [t] of a mesh: walls and what they end at, `depth` above a face, or below where that is negative. `rims` are loops of
     vertices [k] on the face, `outlines` the same [k, 2] in its plane; the piece is to their left."""
 
     triangles: np.ndarray
@@ -97,6 +97,12 @@ class _Sides(NamedTuple):
         first, second = order[::2], order[1::2]
         return _Sides(start[first], end[first], first % len(faces), second % len(faces))
 
+    def meet(self, level: np.ndarray) -> _Sides:
+        """Those at which one triangle is `level` [f] and the other is not, as the latter walks along them."""
+        here, there = ~level[self.one] & level[self.other], level[self.one] & ~level[self.other]
+        pairs = ((self.start, self.end), (self.end, self.start), (self.one, self.other), (self.other, self.one))
+        return _Sides(*(np.concatenate([a[here], b[there]]) for a, b in pairs))
+
 
 def _count_rims(sides: _Sides, own: np.ndarray, vertices: int) -> np.ndarray:
     """How many rims each face has whose triangles `own` [f] says, by its number."""
@@ -131,15 +137,18 @@ def _look_at(mesh: trimesh.Trimesh, facets: Facets, sides: _Sides, level: np.nda
     ends = (facing > FLAT_FACE) & (np.abs(corners - depth[piece][:, None]).max(1) < near)
     plain = np.bincount(piece, ~(ends | (np.abs(facing) < UPRIGHT)), count) == 0
     one_sided = np.where(depth > 0, low > -near, high < near) & (np.abs(depth) > LEAST_DEPTH * facets.diagonal)
-    on_face = np.zeros(count, bool)
-    on_face[piece[np.where(level[sides.one], sides.other, sides.one)[level[sides.one] != level[sides.other]]]] = True
+    rim = sides.meet(level)
+    carried = np.zeros(count, bool)
+    carried[piece[rim.one]] = True
+    by_piece, by_rim = np.argsort(piece, kind="stable"), np.argsort(piece[rim.one], kind="stable")
+    starts, rim_starts = (np.searchsorted(own, np.arange(count + 1)) for own in (piece[by_piece], piece[rim.one[by_rim]]))
     found: list[FacePiece] = []
-    for number in np.flatnonzero(plain & one_sided & on_face):
-        triangles = np.flatnonzero((piece == number) & ~level)
-        rims = _walk_rims(sides, triangles, level)
+    for number in np.flatnonzero(plain & one_sided & carried).tolist():
+        along = by_rim[rim_starts[number] : rim_starts[number + 1]]
+        rims = _chain(rim.start[along].tolist(), rim.end[along].tolist())
         if rims:
-            outlines = tuple((np.asarray(mesh.vertices)[rim] - point) @ frame[:, :2] for rim in rims)
-            found.append(FacePiece(triangles, float(depth[number]), rims, outlines))
+            outlines = tuple((np.asarray(mesh.vertices)[loop] - point) @ frame[:, :2] for loop in rims)
+            found.append(FacePiece(by_piece[starts[number] : starts[number + 1]], float(depth[number]), rims, outlines))
     return CarryingFace(point, frame, tuple(found))
 
 
@@ -150,24 +159,15 @@ def _frame(normal: np.ndarray) -> np.ndarray:
     return np.column_stack([first, np.cross(normal, first), normal])
 
 
-def _walk_rims(sides: _Sides, triangles: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, ...]:
-    """The loops of vertices along which triangles meet those that are `level` [f], as the former walk; none where two loops touch."""
-    mine = np.zeros(len(level), bool)
-    mine[triangles] = True
-    ahead: dict[int, int] = {}
-    for this, that, start, end in (
-        (sides.one, sides.other, sides.start, sides.end),
-        (sides.other, sides.one, sides.end, sides.start),
-    ):
-        rim = mine[this] & level[that]
-        for a, b in zip(start[rim].tolist(), end[rim].tolist(), strict=True):
-            if a in ahead:
-                return ()
-            ahead[a] = b
+def _chain(starts: Sequence[int], ends: Sequence[int]) -> tuple[np.ndarray, ...]:
+    """The loops of vertices that edges from `starts` to `ends` make; none where two touch, or one is open."""
+    ahead = dict(zip(starts, ends, strict=True))
+    if len(ahead) < len(starts) or set(ahead) != set(ends):
+        return ()
     loops: list[np.ndarray] = []
     while ahead:
         loop = [next(iter(ahead))]
-        while (after := ahead.pop(loop[-1], None)) is not None and after != loop[0]:
+        while (after := ahead.pop(loop[-1])) != loop[0]:
             loop.append(after)
         loops.append(np.array(loop))
     return tuple(loops)

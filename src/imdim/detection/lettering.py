@@ -27,6 +27,8 @@ INKED = 0.8  # of its hull's area, that a letter fills at most
 CONVEX = 0.9  # of it, that a ring fills with its hole
 ROUND = 0.1  # by which a ring that is no letter is longer one way than across
 ALIKE = 0.02  # relative, by which areas, lengths and reaches of outlines of one letter differ
+LETTERS_OF_HIGH = 0.5  # share of letters among what is high, which is no dot or stop
+LETTERS_OF_ALL = 1 / 3  # likewise among all
 ONE_STROKE = (0.6, 1.6)  # of the median, between which widths of strokes are
 MOST_ALIKE = 0.8  # of the letters, that have strokes of one width, and thin ones
 THICK = 0.5  # of the height of letters, that the largest circle in one is wide
@@ -38,7 +40,7 @@ LETTERS_APART = 0.5  # of it, likewise between most of them
 TALLEST = 2.2  # times as tall as another letter of a row
 ON_LINE = 0.05  # of the height of letters, by which they are off their base line
 ON_LINES = 1.6  # share of letters that stand on it, and of those that end at two others, together
-HIGH = 0.5  # of the height of letters: what is lower stands on no line
+HIGH = 0.5  # of the height of letters: what is lower is a dot or a stop, and stands on no line
 MOST_OF_LEVEL = 0.6  # of the pieces of one depth on a face, that stand in rows of text if any do
 AROUND = 1.3  # of the height of letters, within which a dot or a short word belongs to a row: lines are up to two apart
 NO_TALLER = 1.1  # times as tall as the tallest letter of a row, that what is near it is
@@ -99,6 +101,9 @@ def _levels(pieces: Sequence[FacePiece]) -> Iterator[list[FacePiece]]:
 def _read(face: CarryingFace, pieces: Sequence[FacePiece]) -> Iterator[Lettering]:
     """The text that pieces of one depth make, in the direction that most of them stand in a row of."""
     shapes = [_measure(piece) for piece in pieces]
+    letter_like = sum(not shape.is_plain for shape in shapes)
+    if letter_like < MOST_OF_LEVEL * len(shapes) / 2 or not _has_different(shapes, LEAST_LETTERS):
+        return  # pads and studs may be thousands
     depth = float(np.median([piece.depth for piece in pieces]))
     best: list[np.ndarray] = []
     for along in _directions(shapes):
@@ -166,7 +171,7 @@ def _directions(shapes: Sequence[_Shape]) -> Iterator[np.ndarray]:
     place = np.round(np.degrees(np.arctan2(edges[:, 1], edges[:, 0])) % 90 / STEP_DEG).astype(int) % bins
     total = np.bincount(place, lengths**2, bins)
     most = [k for k in np.argsort(-total, kind="stable")[:DIRECTIONS] if total[k] > 0]
-    longest = [np.flatnonzero(place == k)[lengths[place == k].argmax()] for k in most]
+    longest = [int(np.flatnonzero(place == k)[lengths[place == k].argmax()]) for k in most]
     for x, y in (edges[i] / lengths[i] for i in longest):
         yield np.array([x, y])
         yield np.array([-y, x])
@@ -197,7 +202,7 @@ def _rows(shapes: Sequence[_Shape], along: np.ndarray, depth: float) -> Iterator
     _, row = components(i[beside & fits], j[beside & fits], len(shapes))
     for number in np.unique(row):
         own = np.flatnonzero(row == number)
-        if _is_text([shapes[k] for k in own], low[own], high[own], depth):
+        if _is_text([shapes[k] for k in own.tolist()], low[own], high[own], depth):
             yield own
 
 
@@ -205,10 +210,12 @@ def _is_text(shapes: Sequence[_Shape], low: np.ndarray, high: np.ndarray, depth:
     """Whether pieces [k] that stand side by side between corners [k, 2] are letters."""
     letter = np.array([not shape.is_plain for shape in shapes])
     letters = [shape for shape in shapes if not shape.is_plain]
-    if len(shapes) < LEAST_LETTERS or letter.mean() <= 0.5 or _count_different(shapes) < LEAST_LETTERS or _count_different(letters) < 2:
+    if letter.mean() <= LETTERS_OF_ALL or not _has_different(shapes, LEAST_LETTERS) or not _has_different(letters, 2):
         return False
     height = float(np.median((high - low)[letter, 1]))
     is_high = letter | (high[:, 1] - low[:, 1] > HIGH * height)
+    if len(letters) <= LETTERS_OF_HIGH * np.count_nonzero(is_high):
+        return False
     order = np.argsort(low[:, 0])
     gaps = low[order[1:], 0] - np.maximum.accumulate(high[order, 0])[:-1]
     return bool(
@@ -233,7 +240,9 @@ def _are_strokes(letters: Sequence[_Shape], height: float) -> bool:
 def _are_stacked(start: np.ndarray, end: np.ndarray) -> bool:
     """Whether two of what reaches from `start` to `end` [k] along a row lie above each other."""
     i, j = np.triu_indices(len(start), 1)
-    return bool((np.minimum(end[i], end[j]) - np.maximum(start[i], start[j]) > BESIDE * np.minimum(end[i] - start[i], end[j] - start[j])).any())
+    return bool(
+        (np.minimum(end[i], end[j]) - np.maximum(start[i], start[j]) > BESIDE * np.minimum(end[i] - start[i], end[j] - start[j])).any()
+    )
 
 
 def _are_on_lines(low: np.ndarray, high: np.ndarray, height: float) -> bool:
@@ -257,14 +266,16 @@ def _densest(values: np.ndarray, width: float) -> np.ndarray:
     return inside[inside.sum(1).argmax()]
 
 
-def _count_different(shapes: Sequence[_Shape]) -> int:
-    """How many of the shapes differ from each other."""
+def _has_different(shapes: Sequence[_Shape], least: int) -> bool:
+    """Whether so many of the shapes at `least` differ from each other."""
     known: list[np.ndarray] = []
     for shape in shapes:
         one = np.array([shape.area, shape.around, shape.reach])
         if not any((np.abs(one - other) < ALIKE * one).all() for other in known):
             known.append(one)
-    return len(known)
+        if len(known) >= least:
+            return True
+    return False
 
 
 def _with_dots(shapes: Sequence[_Shape], rows: Sequence[np.ndarray], along: np.ndarray) -> list[np.ndarray]:
