@@ -7,7 +7,9 @@ from tests.deadlines import PASSED
 from tests.export.test_outlines import opened
 
 from imdim.export.edit import change_values, open_delivered, solid_of
+from imdim.export.elimination import LinearSystem
 from imdim.export.parameters import parametrise
+from imdim.export.spans import list_spans
 from imdim.geometry.census import census_of
 from imdim.geometry.solid import bounds_of
 from imdim.program.codec import dumps, parse
@@ -154,6 +156,17 @@ def test_an_arc_that_bites_into_an_edge_stays_in_reach_of_it():
             if name != radius:
                 chord = edited.outline.loops[0][3][1] - edited.outline.loops[0][2][1]
                 assert (3.3**2 - chord**2 / 4) ** 0.5 == pytest.approx(side, abs=1e-3), name
+
+
+def test_an_arc_with_a_centre_of_its_own_is_measured_to_that():
+    """A bar ends in a disc of radius 12: to the disc's side, a larger radius would move what is measured from it."""
+    x, half = math.sqrt(12.0**2 - 4.5**2), 4.5
+    bulge = math.tan((math.pi - math.atan2(half, x)) / 4)
+    bar = _plate(((x, -half, 0.0), (40.0, -half, 0.0), (40.0, half, 0.0), (x, half, bulge), (-12.0, 0.0, bulge)))
+    system = LinearSystem.of(bar, ())
+    arcs = [span for span in list_spans(system, bar) if span.axis == 0 and span.low[0] == pytest.approx(-12.0) and span.is_round]
+    assert len(arcs) == 2
+    assert all(at == pytest.approx(0.0, abs=1e-6) for span in arcs for at, _ in span.datums)
 
 
 def test_what_an_outline_cuts_off_is_cut_off_still_when_that_grows():

@@ -15,9 +15,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
-from imdim.export.outline_joints import CONCENTRIC, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Row, X, Y, sum_rows
+from imdim.export.outline_joints import NEARLY, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Row, X, Y, sum_rows
 from imdim.export.outline_walls import EXACT
 from imdim.export.slot_sizes import has_round_ends, size_slot
+from imdim.program.outline import Point
 from imdim.program.tree import Primitive
 
 if TYPE_CHECKING:
@@ -51,13 +52,13 @@ class _CornerDatum(NamedTuple):
 class OutlineDimensions:
     """The variables of one outline, and the equations between them."""
 
-    def __init__(self, system: LinearSystem, leaf: int, part: Primitive, cuts: bool) -> None:
+    def __init__(self, system: LinearSystem, leaf: int, part: Primitive, cuts: bool, axes: Sequence[Point] = ()) -> None:
         assert part.outline is not None
         self.may_be_slot = cuts and part.kind == "extrude" and has_round_ends(part.outline)
         self.system, self.leaf, self.part, self.outline = system, leaf, part, part.outline
         self.slack = EXACT * system.length
         # heights of what is turned have levels of their own
-        self.joints = OutlineJoints(part.outline, self.slack, has_webs=part.kind == "extrude")
+        self.joints = OutlineJoints(part.outline, self.slack, has_webs=part.kind == "extrude", axes=axes)
         self.known: dict[tuple[str, int, int], Row] = {}  # by word, axis, place on a grid
         self.places: dict[tuple[str, int, int], float] = {}
         self.following = {} if part.kind == "revolve" else dict(self._find_following())
@@ -139,7 +140,7 @@ class OutlineDimensions:
             arc.size = self.name_radius(
                 "arc_radius" if arc.rim or (arc.crossed and not arc.end) else ROUNDS[arc.half or arc.end, arc.inner], arc.radius
             )
-            near = CONCENTRIC * self.slack if arc.rim else self.slack
+            near = NEARLY * arc.radius if arc.rim else self.slack
             hole = next((center for center in holes if math.dist(center, arc.center) <= near), None)
             if hole:
                 arc.at = [self.find_place("center", axis, hole[axis]) for axis in (X, Y)]
@@ -205,15 +206,16 @@ class OutlineDimensions:
         """Variables for the other corners: of those that mirror each other how far they are apart, of others how far from the axis, or from
         what is nearer of their loop and has a place, the nearest first. Small things move whole, and run into nothing beside them.
 
-        Of loops with round ends, or of the others: the tip of a teardrop is as far from the middle of its arc as it is.
+        Of loops with arcs about places of their own, or of the others: the tip of a teardrop is as far from the middle of its arc as it is.
         """
         loops = [loop for loop in self.joints.loops if loop and loop[0].after.inner == inner]
-        what, found = side_of(inner), [loop for loop in loops if about_ends == any(joint.about for joint in loop)]
+        what, found = side_of(inner), [loop for loop in loops if about_ends == bool(_ends_of(loop))]
         drawn = [([joint for joint in loop if not joint.is_placed], _ends_of(loop)) for loop in found]
         every = {(axis, self.joints.cell(joint.at[axis])) for loop, _ in drawn for joint in loop for axis in (X, Y)}
         for axis, (loop, ends) in product((X, Y), drawn):
             places = {self.joints.cell(joint.at[axis]): joint.at[axis] for joint in loop if abs(joint.at[axis]) > self.slack}
-            placed = {0.0: _CornerDatum({}, "step"), **{end.center[axis]: _CornerDatum(end.at[axis] or {}, "tip") for end in ends}}
+            placed = {0.0: _CornerDatum({}, "step")}
+            placed |= {end.center[axis]: _CornerDatum(end.at[axis] or {}, "step" if end.rim else "tip") for end in ends}
             known = {cell: place for cell, place in places.items() if (what, axis, cell) in self.known}
             placed |= {place: _CornerDatum(self.known[what, axis, cell], "step") for cell, place in known.items()}
             left = [p for cell, p in places.items() if (what, axis, cell) not in self.known and (what, axis, cell) not in self.following]
@@ -354,8 +356,9 @@ class OutlineDimensions:
 
 
 def _ends_of(loop: Sequence[Joint]) -> list[DrawnArc]:
-    """The arcs of a loop whose ends are where the lines beside them touch them."""
-    return list({id(joint.about): joint.about for joint in loop if joint.about}.values())
+    """The arcs of a loop whose ends are where the lines beside them touch them, or lie about their centres."""
+    arcs = [joint.about or joint.after for joint in loop]
+    return list({id(arc): arc for arc in arcs if isinstance(arc, DrawnArc) and (arc.end or arc.rim)}.values())
 
 
 def _has(places: Iterable[float], place: float, slack: float) -> bool:

@@ -14,8 +14,8 @@ HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
 QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter turn
 STEEP = 0.05  # of the radius: what an arc must reach along a line that it crosses
 TENTH = 0.1  # of a radius, or of a place
-CONCENTRIC = 100  # slacks by which an arc's centre, which is told by the digits of its ends, may miss that of a hole
 HALF_TURN = 180.0  # degrees
+NEARLY = 0.01  # of an arc's radius, by which its centre, as fitted, may miss the axis that it runs about
 WIDEST = 120.0  # degrees by which an arc turns that is told by its radius: the ends of a wider one soon lie too far apart for that
 X, Y = 0, 1
 
@@ -101,12 +101,12 @@ class Joint:
 class OutlineJoints:
     """The joints of each loop, None for a circle, an ellipse or a regular polygon.
 
-    `holes` says which loops bound holes, `slack` within what numbers are one, and `centers` are those of circles and ellipses. Where it
-    `has_webs` a triangle may fill a corner.
+    `holes` says which loops bound holes, `slack` within what numbers are one, and `centers` are those of circles and ellipses; `axes` are
+    the places of round walls of other leaves. Where it `has_webs` a triangle may fill a corner.
     """
 
-    def __init__(self, outline: Outline, slack: float, has_webs: bool = True) -> None:
-        self.outline, self.slack, self.has_webs = outline, slack, has_webs
+    def __init__(self, outline: Outline, slack: float, has_webs: bool = True, axes: Sequence[Point] = ()) -> None:
+        self.outline, self.slack, self.has_webs, self.axes = outline, slack, has_webs, axes
         self.holes = [sign < 0 for sign in nesting(outline.loops)]
         self.centers = [center for center in map(_center, outline.loops) if center]
         self.regular = [regular_of(loop, slack) for loop in outline.loops]
@@ -184,7 +184,16 @@ class OutlineJoints:
         """Whether two arcs are of one circle."""
         if isinstance(a, DrawnLine) or isinstance(b, DrawnLine):
             return False
-        return math.dist(a.center, b.center) <= self.slack and abs(a.radius - b.radius) <= self.slack
+        if math.dist(a.center, b.center) <= self.slack and abs(a.radius - b.radius) <= self.slack:
+            return True
+        about = self._find_axis(a)
+        return about is not None and about == self._find_axis(b) and abs(a.radius - b.radius) <= NEARLY * a.radius
+
+    def _find_axis(self, arc: DrawnArc) -> Point | None:
+        """The place of the hole, or of a round wall of another leaf, that an arc of more than a quarter turn runs about."""
+        if not arc.wide:
+            return None
+        return next((at for at in (*self.centers, *self.axes) if math.dist(at, arc.center) <= NEARLY * arc.radius), None)
 
     def _joint(self, a: DrawnCurve, b: DrawnCurve, curve: Curve) -> Joint:
         at, turn = curve[:2], math.degrees(4 * math.atan(curve[4]))
@@ -230,7 +239,7 @@ class OutlineJoints:
                 loose[k].end, joint.about, following.about = True, loose[k], loose[k]
             elif corner is not None:
                 joint.rounds, joint.at, following.at = True, corner, corner
-            elif abs(joint.turn) > HALF_TURN and self._is_eye(loose[k]) and self._is_between_movable(joints, k):
+            elif self._is_eye(loose[k], joint.turn) and self._is_between_movable(joints, k):
                 loose[k].loose, loose[k].rim = False, True  # what touches it gives way
             elif not is_rim and (cusps[k] or (cusps[(k + 1) % n] and (k + 1) % n not in loose)):
                 # a kink where it should be smooth is a kink, but curves that leave a cusp on the wrong sides cross
@@ -261,17 +270,18 @@ class OutlineJoints:
         (left, low), (right, high) = self.outline.bounds
         return not arc.half and math.dist(arc.center, ((left + right) / 2, (low + high) / 2)) < arc.radius
 
-    def _is_eye(self, arc: DrawnArc) -> bool:
-        """Whether an arc lies about a hole, or a tenth more of where it is leaves it almost there."""
-        is_about_hole = any(math.dist(center, arc.center) <= CONCENTRIC * self.slack for center in self.centers)
-        return not arc.half and (is_about_hole or TENTH * max(map(abs, arc.center)) <= arc.radius / 4)
+    def _is_eye(self, arc: DrawnArc, turn: float) -> bool:
+        """Whether an arc lies about a hole or a round wall, or turns by more than half, and a tenth more of where it is leaves it almost
+        there."""
+        is_near = abs(turn) > HALF_TURN and TENTH * max(map(abs, arc.center)) <= arc.radius / 4
+        return not arc.half and (is_near or self._find_axis(arc) is not None)
 
     def _is_between_movable(self, joints: Sequence[Joint], k: int) -> bool:
-        """Whether the curves beside an arc, which may be written as two, go wherever its ends are."""
+        """Whether an arc, which may be written as two, crosses the lines beside it, or these curves go wherever its ends are."""
         arc, n = joints[k].after, len(joints)
-        before = next((joints[k - i].before for i in range(n) if joints[k - i].before is not arc), arc)
-        after = next((joints[(k + i) % n].after for i in range(1, n) if joints[(k + i) % n].after is not arc), arc)
-        return all(c.across is None if isinstance(c, DrawnLine) else c.loose and not c.end for c in (before, after))
+        first = next((joints[k - i] for i in range(n) if joints[k - i].before is not arc), joints[k])
+        last = next((joints[(k + i) % n] for i in range(1, n) if joints[(k + i) % n].after is not arc), joints[k])
+        return all(_is_movable(c) or (joint.crosses and _cross_well(c, arc)) for joint, c in ((first, first.before), (last, last.after)))
 
     def _is_end(self, arc: DrawnArc, corner: Point | None, before: Curve, after: Curve) -> bool:
         """Whether an arc between two lines that touch it rounds no corner, or lies about a hole."""
@@ -299,6 +309,18 @@ class OutlineJoints:
         corner = arc[0] + length * math.cos(way), arc[1] + length * math.sin(way)
         far = math.dist(corner, arc[2:4]) - length
         return self._round(corner) if length > 0 and abs(far) <= self.slack else None
+
+
+def _is_movable(curve: DrawnCurve) -> bool:
+    """Whether a curve goes wherever its ends are."""
+    return curve.across is None if isinstance(curve, DrawnLine) else curve.loose and not curve.end
+
+
+def _cross_well(line: DrawnCurve, arc: DrawnCurve) -> bool:
+    """Whether a line along an axis meets an arc even if it lies a tenth further from the centre."""
+    if not isinstance(line, DrawnLine) or not isinstance(arc, DrawnArc) or line.across is None:
+        return False
+    return (1 + TENTH) * abs(line.place - arc.center[line.across]) < arc.radius
 
 
 def _is_filled(before: Curve, arc: Curve, after: Curve) -> bool:

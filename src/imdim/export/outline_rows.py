@@ -21,8 +21,8 @@ from imdim.export.drawn_vertex import (
     turn_round,
 )
 from imdim.export.outline_dimensions import ROUNDS, OutlineDimensions, side_of
-from imdim.export.outline_joints import HALF, WIDEST, DrawnArc, DrawnLine, Joint, Row, X, Y, sum_rows
-from imdim.export.outline_walls import NO_RADIUS, RoundWall, bind_coaxial, find_flat_walls, list_round_walls
+from imdim.export.outline_joints import HALF, NEARLY, WIDEST, DrawnArc, DrawnLine, Joint, Row, X, Y, sum_rows
+from imdim.export.outline_walls import NO_RADIUS, RoundWall, bind_coaxial, find_flat_walls, list_axes_beside, list_round_walls
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
 from imdim.program.ellipse import Ellipse
@@ -61,7 +61,7 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
         if part.outline is None:
             continue
         if source == leaf or source not in drawn:
-            dimensions = OutlineDimensions(system, leaf, part, sign[leaf] < 0)
+            dimensions = OutlineDimensions(system, leaf, part, sign[leaf] < 0, list(list_axes_beside(leaf, parts)))
             sums = _VertexSums(dimensions)
             drawn[leaf] = sums.vertices()
             circles += [*sums.circles_in_space(), *sums.turned_walls()]
@@ -288,12 +288,12 @@ class _VertexSums:
             return
         turn = [[round(c) for c in row] for row in matrix_from_euler(self.of.part.rotation).tolist()]
         axis = next(a for a in range(3) if turn[a][2])
-        for center, own, radius, size in (*self._circles(), *self._arcs(), *self._polygons()):
+        for center, own, radius, size, miss in (*self._circles(), *self._arcs(), *self._polygons()):
             places, rows = [0.0, 0.0, 0.0], list[Row]([{}, {}, {}])
             for a in range(3):
                 places[a] = self.of.part.center[a] + turn[a][0] * center[0] + turn[a][1] * center[1]
                 rows[a] = sum_rows(({6 * self.of.leaf + 3 + a: 1.0}, 1.0), (own[0], turn[a][0]), (own[1], turn[a][1]))
-            yield RoundWall(self.of.leaf, axis, places, rows, radius, size)
+            yield RoundWall(self.of.leaf, axis, places, rows, radius, size, miss)
 
     def turned_walls(self) -> Iterator[RoundWall]:
         """The round walls along the axis of what is turned about one of the world's."""
@@ -306,22 +306,23 @@ class _VertexSums:
         for line in lines.values():
             yield RoundWall(leaf, axis, part.center, rows, line.place, self.of.row_of_line(line.inner, X, line.place))
 
-    def _circles(self) -> Iterator[tuple[Point, Sequence[Row], float, Row]]:
+    def _circles(self) -> Iterator[tuple[Point, Sequence[Row], float, Row, float]]:
         """Centre and radius of each circle, in numbers and in variables."""
         for i, loop in enumerate(self.of.outline.loops):
             if found := circle_of(loop):
                 x, y, radius = found
-                yield (x, y), [self.of.find_place("center", k, found[k]) for k in (X, Y)], radius, self._circle_size(i)
+                yield (x, y), [self.of.find_place("center", k, found[k]) for k in (X, Y)], radius, self._circle_size(i), 0.0
 
-    def _polygons(self) -> Iterator[tuple[Point, Sequence[Row], float, Row]]:
+    def _polygons(self) -> Iterator[tuple[Point, Sequence[Row], float, Row, float]]:
         """Of each regular polygon its centre, and no radius: a pocket for a nut lies about its hole, and is as large as the nut."""
         for center in (regular.center for regular in self.of.joints.regular if regular):
-            yield center, [self.of.find_place("center", k, center[k]) for k in (X, Y)], NO_RADIUS, {}
+            yield center, [self.of.find_place("center", k, center[k]) for k in (X, Y)], NO_RADIUS, {}, 0.0
 
-    def _arcs(self) -> Iterator[tuple[Point, Sequence[Row], float, Row]]:
+    def _arcs(self) -> Iterator[tuple[Point, Sequence[Row], float, Row, float]]:
         """Of each arc that has a centre that and its radius, as of circles."""
         arcs = {id(arc): arc for arc in self.of.joints.arcs() if not arc.loose}
-        yield from ((arc.center, [row or {} for row in arc.at], arc.radius, arc.size) for arc in arcs.values())
+        for arc in arcs.values():
+            yield arc.center, [row or {} for row in arc.at], arc.radius, arc.size, NEARLY * arc.radius if arc.rim else 0.0
 
 
 def _center(arc: DrawnArc, way: int) -> Center[Sum]:

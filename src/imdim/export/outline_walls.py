@@ -15,19 +15,21 @@ from imdim.export.wall_seats import FlatWall
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import exact_rotation
 from imdim.numbers.design_values import is_level
-from imdim.program.outline import loop_area
+from imdim.program.outline import Point, circle_of, loop_area
 from imdim.program.tree import Primitive
 
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
 NO_RADIUS = -1.0  # of what has an axis alone
+ROUND = ("cylinder", "cone", "revolve")
 EXACT = 1e-7  # of the largest size, within which written numbers touch
 
 
 @dataclass
 class RoundWall:
-    """A round wall along a world axis: the places of its axis, what they are the sum of, and its radius, if it has one."""
+    """A round wall along a world axis: the places of its axis, what they are the sum of, and its radius, if it has one. That of an arc may
+    `miss` the axis that it runs about by so much."""
 
     leaf: int
     axis: int
@@ -35,6 +37,7 @@ class RoundWall:
     rows: Sequence[Row]
     radius: float
     size: Row
+    miss: float = 0.0
 
 
 def bind_coaxial(system: LinearSystem, circles: Sequence[RoundWall], parts: Sequence[Primitive], sources: Sequence[int]) -> Iterator[Row]:
@@ -44,12 +47,27 @@ def bind_coaxial(system: LinearSystem, circles: Sequence[RoundWall], parts: Sequ
     for i, circle in enumerate(circles):
         for other in (*circles[:i], *others):
             across = [a for a in range(3) if a != circle.axis]
-            if other.axis != circle.axis or any(abs(circle.places[a] - other.places[a]) > slack for a in across):
+            if other.axis != circle.axis or any(abs(circle.places[a] - other.places[a]) > slack + circle.miss + other.miss for a in across):
                 continue
             if other.leaf != circle.leaf:
                 yield from (sum_rows((circle.rows[a], 1.0), (other.rows[a], -1.0)) for a in across)
                 if circle.radius != NO_RADIUS and abs(circle.radius - other.radius) <= slack:
                     yield sum_rows((circle.size, 1.0), (other.size, -1.0))
+
+
+def list_axes_beside(leaf: int, parts: Sequence[Primitive]) -> Iterator[Point]:
+    """Where the axes of round walls of other leaves, along which an extrusion goes, are in its drawing."""
+    part = parts[leaf]
+    turn = exact_rotation(part)
+    for other in (p for i, p in enumerate(parts) if i != leaf):
+        own = exact_rotation(other)
+        if part.kind != "extrude" or world_axis(own.T @ turn[:, 2]) != 2:
+            continue
+        circles = filter(None, map(circle_of, other.outline.loops if other.kind == "extrude" and other.outline else ()))
+        middles = [(0.0, 0.0)] if other.kind in ROUND else [(x, y) for x, y, _ in circles]
+        for x, y in middles:
+            at = turn.T @ (own @ np.array([x, y, 0.0]) + np.array(other.center) - np.array(part.center))
+            yield float(at[0]), float(at[1])
 
 
 def list_round_walls(parts: Sequence[Primitive], sources: Sequence[int]) -> list[RoundWall]:
@@ -59,7 +77,7 @@ def list_round_walls(parts: Sequence[Primitive], sources: Sequence[int]) -> list
 
 def _round_walls(leaf: int, p: Primitive) -> Iterator[RoundWall]:
     """The round walls of a cylinder or cone along a world axis; of what is turned about one the axis alone."""
-    if p.kind not in ("cylinder", "cone", "revolve"):
+    if p.kind not in ROUND:
         return
     direction = matrix_from_euler(p.rotation)[:, 2]
     axis = next((a for a in range(3) if abs(direction[a]) > 1 - 1e-12), None)

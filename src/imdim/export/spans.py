@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from imdim.export.contacts import list_flat_faces
-from imdim.export.drawn_vertex import DrawnVertex
+from imdim.export.drawn_vertex import Center, DrawnVertex
 from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.outline_rows import Sum
 from imdim.export.round_seats import list_round_walls
@@ -154,12 +154,19 @@ class LevelDrawing(NamedTuple):
             yield Span(self.leaf, axis, low, high, (sum_rows((centre, 1.0), (rim, -1.0)), sum_rows((centre, 1.0), (rim, 1.0))), (at, at))
 
     def spans_of_curve(self, curve: Curve, start: DrawnVertex[Sum], end: DrawnVertex[Sum]) -> Iterator[Span]:
-        """Of a line or arc, whose sides are where its ends are."""
+        """Of a line or arc, whose sides are where its ends are; an arc whose centre has a place of its own is measured to that, like a
+        circle: what is measured to its side moves it when its radius changes."""
         low, high = self._box(curve_bounds([curve]))
+        centre = start.bulge if isinstance(start.bulge, Center) and _has_own_centre(start, end) else None
         for k, axis in enumerate(self.axes):
             numbers = sorted(((v.x, v.y)[k] for v in (start, end)), key=lambda n: n.value * self.turn[axis, k])
             rows = self._row(k, numbers[0]), self._row(k, numbers[1])
-            yield Span(self.leaf, axis, low, high, rows, ((float(low[axis]), rows[0]), (float(high[axis]), rows[1])))
+            datums = (float(low[axis]), rows[0]), (float(high[axis]), rows[1])
+            if centre is not None:
+                middle = (centre.x, centre.y)[k]
+                at = self._place(k, middle), self._row(k, middle)
+                datums = at, at
+            yield Span(self.leaf, axis, low, high, rows, datums)
 
     def spans_of_crossing(self, vertex: DrawnVertex[Sum], only: tuple[int, ...]) -> Iterator[Span]:
         """Of a line that an arc crosses and of the arc's circle where that reaches furthest beyond the line: there is no crossing further
@@ -194,3 +201,10 @@ class LevelDrawing(NamedTuple):
             ends = sorted(self.part.center[axis] + self.turn[axis, k] * corner[k] for corner in bounds)
             low[axis], high[axis] = ends
         return low, high
+
+
+def _has_own_centre(start: DrawnVertex[Sum], end: DrawnVertex[Sum]) -> bool:
+    """Whether the centre of an arc stays where it is when the radius changes: a flat arc is where its apex is."""
+    assert isinstance(start.bulge, Center)
+    radii = {v for vertex in (start, end) if vertex.reach is not None for v in vertex.reach.radius.row}
+    return radii.isdisjoint(start.bulge.x.row.keys() | start.bulge.y.row.keys())
