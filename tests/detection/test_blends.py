@@ -1,14 +1,16 @@
 """Chains of blends are found again on solids that were made with them, and come off without a trace."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 import trimesh
+from manifold3d import Manifold, OpType
 
 from imdim.detection.blends import find_chains
 from imdim.detection.sharpen import sharpen
-from imdim.geometry.edge_solids import solid_with_edges
+from imdim.geometry.edge_solids import solid_with_edges, with_edges
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.outline import Outline
@@ -122,3 +124,46 @@ def test_what_bounds_no_solid_then_stays() -> None:
     opened = trimesh.Trimesh(mesh.vertices, np.asarray(mesh.faces)[:-1], process=False)
     blends = [b for b in chain.blends if b.triangles.max() < len(opened.faces)]
     assert sharpen(opened, [type(chain)(tuple(blends))]).chains == []
+
+
+def _polar_ball(radius: float, facets: int) -> Manifold:
+    """A ball as OpenSCAD's: rings half a step off the poles, which it does not reach."""
+    tilts = [math.pi * (k + 0.5) / (facets // 2) for k in range(facets // 2)]
+    turns = [2 * math.pi * k / facets for k in range(facets)]
+    ring = [(math.sin(a) * math.cos(t), math.sin(a) * math.sin(t), math.cos(a)) for a in tilts for t in turns]
+    return Manifold.hull_points(radius * np.array(ring))
+
+
+@pytest.mark.parametrize("facets", [32, 48])
+def test_a_box_rounded_by_rods_and_coarse_balls_comes_off(facets: int) -> None:
+    """What OpenSCAD's rounded boxes are: facets of rods meet flat walls at half a step, and slivers lie between rods and balls."""
+    sides, r = np.array([60.0, 40.0, 25.0]), 6.0
+    parts, inner = [], sides / 2 - r
+    for axis in range(3):
+        other = [k for k in range(3) if k != axis]
+        parts.append(Manifold.cube([sides[k] - (0 if k == axis else 2 * r) for k in range(3)], True))
+        rod = Manifold.cylinder(2 * inner[axis], r, r, facets, True)
+        rod = rod.rotate([(0, 90, 0), (-90, 0, 0), (0, 0, 0)][axis])
+        for one, two in itertools.product((-1, 1), repeat=2):
+            shift = np.zeros(3)
+            shift[other] = one * inner[other[0]], two * inner[other[1]]
+            parts.append(rod.translate(shift.tolist()))
+    ball = _polar_ball(r, facets)
+    parts += [ball.translate((np.array(signs) * inner).tolist()) for signs in itertools.product((-1, 1), repeat=3)]
+    mesh = to_trimesh(Manifold.batch_boolean(parts, OpType.Add))
+    chains = find_chains(mesh)
+    assert [(chain.kind, round(chain.sizes[0], 1)) for chain in chains] == [("fillet", r)]
+    sharp = sharpen(mesh, chains)
+    assert not sharp.kept
+    assert mesh_to_manifold(sharp.mesh).volume() == pytest.approx(sides.prod(), rel=2e-3)
+
+
+def test_slivers_across_a_fillet_do_not_part_it() -> None:
+    """Without `without_slivers` booleans leave strips of no width that face any way."""
+    every = tuple((Face(0, x), Face(0, y)) for x in ("+x", "-x") for y in ("+y", "-y"))
+    feature = EdgeFeature("fillet", (3.0,), (*rim("fillet", (3.0,)).edges, *every))
+    block = Primitive("box", (40.0, 30.0, 20.0))
+    mesh = to_trimesh(to_manifold(with_edges(block, [feature]), 96))
+    (chain,) = find_chains(mesh)
+    assert len(chain.blends) == 12  # eight edges, four corners
+    assert mesh_to_manifold(sharpen(mesh, [chain]).mesh).volume() == pytest.approx(24000, rel=1e-3)

@@ -27,6 +27,7 @@ TANGENT = 6.0  # degrees, below which surfaces touch; coarse facets leave some
 HALF_STEP = 0.7  # of a step between facets, below which the first one touches what is beside it
 FLAT = 0.01  # radians, by which triangles of one facet may turn
 ON_SURFACE = 2e-4  # of the diagonal, within which a facet's corners lie on a surface
+LIKE_OWN = 1.02  # times what the corners of a patch's own facets are off it
 FOLLOWS = 0.999  # cosine between a facet's normal and the surface's in its middle
 SLOPE = (10.0, 80.0)  # degrees, between a chamfer and its neighbours
 NARROW = 0.35  # of its neighbours' size, as the root of their area: a chamfer's width at most
@@ -167,9 +168,12 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> di
 
 def _give_back(owner: np.ndarray, patches: Sequence[Patch], facets: Facets) -> None:
     """Let facets that passed for flat ones, or for some of a smaller patch beside, belong to the curved patch that they lie on."""
-    worth = np.array([patch.area if patch.surface.kind != "plane" else 0.0 for patch in patches])
+    own_area = np.bincount(owner[owner >= 0], facets.areas[owner >= 0], len(patches))
+    worth = np.where([patch.surface.kind != "plane" for patch in patches], own_area, 0.0)
     order = np.argsort(facets.facet_of, kind="stable")
     triangles = np.split(order, np.cumsum(np.bincount(facets.facet_of, minlength=len(owner)))[:-1])
+    corners = [facets.corners[own].reshape(-1, 3) for own in triangles]
+    slack = [_slack(patch, [corners[f] for f in np.flatnonzero(owner == i)], facets.diagonal) for i, patch in enumerate(patches)]
     ways = np.concatenate([facets.edges, facets.edges[:, ::-1]])
     refused: set[tuple[int, int]] = set()
     while True:
@@ -178,10 +182,13 @@ def _give_back(owner: np.ndarray, patches: Sequence[Patch], facets: Facets) -> N
         for facet, beside in ways[own[ways[:, 1]] > own[ways[:, 0]]].tolist():
             home = int(owner[beside])
             is_worse = owner[facet] < 0 or worth[owner[facet]] < worth[home]
-            if not is_worse or (facet, home) in refused:
+            # strips beside a flat wall may lie on a wide curve with it
+            is_face = facets.areas[facet] > MOSTLY * (facets.areas[facet] + worth[home])
+            if not is_worse or is_face or (facet, home) in refused:
                 continue
-            corners = facets.corners[triangles[facet]].reshape(-1, 3)
-            if _lies_on(patches[home].surface, corners, facets.normals[facet], facets.diagonal):
+            # a sliver that booleans leave faces any way
+            facing = facets.normals[facet] if _is_wide(corners[facet], float(facets.areas[facet]), facets.diagonal) else None
+            if _lies_on(patches[home].surface, corners[facet], facing, slack[home]):
                 owner[facet], taken = home, True
             else:
                 refused.add((facet, home))
@@ -189,11 +196,24 @@ def _give_back(owner: np.ndarray, patches: Sequence[Patch], facets: Facets) -> N
             return
 
 
-def _lies_on(surface: Surface, corners: np.ndarray, facing: np.ndarray, diagonal: float) -> bool:
-    """Whether a facet with `corners` [n, 3] that faces `facing` is one of a curved surface's."""
-    if (np.abs(signed_distance(surface, corners)) > ON_SURFACE * diagonal).any():
+def _slack(patch: Patch, corners: Sequence[np.ndarray], diagonal: float) -> float:
+    """How far the corners [n, 3] of one more facet may be off a curved patch: as those of its own facets, which are outside where these are
+    coarse, and the surface runs between corners and facets."""
+    if patch.surface.kind == "plane" or not corners:
+        return ON_SURFACE * diagonal
+    return max(ON_SURFACE * diagonal, LIKE_OWN * float(np.abs(signed_distance(patch.surface, np.concatenate(corners))).max()))
+
+
+def _is_wide(corners: np.ndarray, area: float, diagonal: float) -> bool:
+    """Whether a facet with `corners` [n, 3] is as wide as what counts as off a surface."""
+    return area > ON_SURFACE * diagonal * float(np.linalg.norm(np.ptp(corners, axis=0)))
+
+
+def _lies_on(surface: Surface, corners: np.ndarray, facing: np.ndarray | None, slack: float) -> bool:
+    """Whether a facet with `corners` [n, 3] that faces `facing`, if it can be told, is one of a curved surface's."""
+    if (np.abs(signed_distance(surface, corners)) > slack).any():
         return False
-    return bool(abs(normals(surface, corners.mean(0)[None])[0] @ facing) > FOLLOWS)
+    return facing is None or bool(abs(normals(surface, corners.mean(0)[None])[0] @ facing) > FOLLOWS)
 
 
 def _steps(mesh: trimesh.Trimesh, piece_of: np.ndarray, pairs: np.ndarray) -> dict[int, float]:

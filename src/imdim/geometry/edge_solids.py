@@ -2,6 +2,7 @@
 
 Along each stretch of an edge the section of the blend is swept: an extrusion, or a turned outline. Where the edge ends in the air the sweep
 goes on, so that blends mitre; where two blends meet round a corner of the other sense, what both would take by going on is theirs too.
+Where three fillets of one radius meet, a ball rolls into the corner.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.geometry.blended_edge import BlendedEdge, Interval, Track, meet_faces
+from imdim.geometry.corner_balls import find_corner_balls
+from imdim.geometry.near_pairs import near_pairs
 from imdim.geometry.rotations import cross, euler_from_matrix
-from imdim.geometry.rows import lengths
 from imdim.geometry.solid import SEGMENTS, bounds_of, surface_with_owners, to_manifold, without_slivers
 from imdim.geometry.surface import vec
 from imdim.program.edges import EdgeFeature, EdgeKind
@@ -57,7 +59,8 @@ class Blends:
 def sweep_blends(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
     """The solids of the blends of some edges of one program."""
     pieces = [BlendSolid(e.feature, e.edge, e.stretch.is_convex, sweep_edge(e, *_lengths(e))) for e in edges]
-    return (*pieces, *_corners(edges))
+    balls = (BlendSolid(b.edge.feature, b.edge.edge, b.edge.stretch.is_convex, b.solid) for b in find_corner_balls(edges))
+    return (*pieces, *_corners(edges), *balls)
 
 
 @lru_cache(maxsize=1024)  # edges that an edit leaves where they are stay the same objects
@@ -189,7 +192,7 @@ def _corners(swept: Sequence[BlendedEdge]) -> Iterator[BlendSolid]:
     if not ends:
         return
     at = np.array([s.end(k) for s, k in ends])
-    for i, j in _near_pairs(at, MEET * max(s.size for s, _ in ends)):
+    for i, j in near_pairs(at, MEET * max(s.size for s, _ in ends)):
         (a, k), (b, m) = ends[i], ends[j]
         if a is b or a.feature != b.feature or a.stretch.is_convex != b.stretch.is_convex:
             continue
@@ -197,16 +200,3 @@ def _corners(swept: Sequence[BlendedEdge]) -> Iterator[BlendSolid]:
             continue
         one, two = (sweep_edge(s, *((GO_ON * s.size if e == end else 0.0) for e in (0, 1))) for s, end in ((a, k), (b, m)))
         yield BlendSolid(a.feature, a.edge, a.stretch.is_convex, Combine("intersection", one, two))
-
-
-def _near_pairs(points: np.ndarray, reach: float) -> Iterator[tuple[int, int]]:
-    """The numbers of points [n, 3] no further apart than `reach`, the lower first, in order."""
-    order = np.argsort(points[:, 0], kind="stable")
-    along = points[order, 0]
-    ends = np.searchsorted(along, along + reach, side="right")
-    found = []
-    for k, end in enumerate(ends.tolist()):
-        others = order[k + 1 : end]
-        near = others[lengths(points[others] - points[order[k]]) <= reach] if len(others) else others
-        found += [(min(int(order[k]), j), max(int(order[k]), j)) for j in near.tolist()]
-    yield from sorted(found)
