@@ -89,6 +89,7 @@ IRREGULAR = {
 }
 VALUES = {"property", "cached_property", "setter"}
 FRAME_HOME = "target.py"
+PIPELINE = {"pipeline.py", "several_bodies.py", "one_body.py", "body_state.py"}
 CONVERSION = re.compile(r"frame\.(undo|apply|normalise)\b|in_unit_frame\(")  # of programs and targets; pictures have frames of their own
 
 Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
@@ -163,9 +164,9 @@ def definitions(tree: ast.AST, owner: str = "") -> Iterator[tuple[str, Definitio
 
 
 def count_conversions(source: Path) -> tuple[int, int]:
-    """Conversions between the frames: in the pipeline, which is the place for them, and in all modules but the frame's own."""
+    """Conversions between the frames: in the modules of the pipeline, the place for them, and in all modules but the frame's own."""
     counts = {p: len(CONVERSION.findall(p.read_text(encoding="utf-8"))) for p in source.rglob("*.py") if p.name != FRAME_HOME}
-    return sum(n for p, n in counts.items() if p.name == "pipeline.py"), sum(counts.values())
+    return sum(n for p, n in counts.items() if p.name in PIPELINE), sum(counts.values())
 
 
 def count_open_rows(project: Path) -> int:

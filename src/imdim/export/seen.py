@@ -65,7 +65,8 @@ def find_hidden_ends(program: Program, turned: bool = False) -> frozenset[tuple[
     return frozenset((e.leaf, e.axis, e.side) for e in ends if not _is_near(levels[e.axis], place_of(e, parts), slack))
 
 
-def _sizes_aslant(program: Program) -> dict[tuple[int, int], bool]:
+@lru_cache(maxsize=8)  # asked for again for every way in which faces may be kept apart
+def _sizes_aslant(program: Program) -> Mapping[tuple[int, int], bool]:
     """By leaf and column the sizes between plane ends that look along none of the world's axes, but for those of cones, and whether one of
     both has a part in the surface."""
     surface, _ = surface_of(program)

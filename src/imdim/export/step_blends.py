@@ -21,7 +21,7 @@ from imdim.deadline import Deadline
 from imdim.export.placed_edges import PlacedEdges
 from imdim.export.step_booleans import StepError, boolean, copy_shape, merge_faces, ocp, shape_volume, solids_in
 from imdim.geometry.blended_edge import BlendedEdge
-from imdim.geometry.edge_solids import BlendSolid, sweep_blends
+from imdim.geometry.edge_solids import BlendSolid, blend_pieces, sweep_blends
 from imdim.geometry.solid import COMBINE, to_manifold
 from imdim.program.edges import Blending, EdgeNumber
 from imdim.program.tree import Program, leaves, longest
@@ -82,7 +82,7 @@ def _sweep(
 ) -> tuple[Any, tuple[EdgeNumber, ...]]:
     """The shape with those edges that are sharp blended by booleans with their swept sections, and the edges that stay sharp."""
     done = [s for s in placed.edges if (s.feature, s.edge) not in sharp]
-    exact = _blended(to_manifold(program), sweep_blends(done))
+    exact = _blended(to_manifold(program), blend_pieces(done))
     volume, failed = shape_volume(shape, VOLUME_ERROR), list[EdgeNumber]()
     for number in sharp:
         group, rooms = zip(*(pair for pair in placed.pairs if (pair[0].feature, pair[0].edge) == number), strict=True)
@@ -170,7 +170,7 @@ class _State:
         if shape is None or solids_in(shape) != solids_in(before) or not ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid():
             return False
         after = [*self._blended, *stretches]
-        pieces = sweep_blends(after)
+        pieces = blend_pieces(after)
         exact, volume = self._add_exactly(pieces), shape_volume(shape, VOLUME_ERROR)
         expected = exact.volume() - self._exact.volume()
         allowed = OFF * abs(expected) + _corner_volume(stretches, after) + NOISE * volume

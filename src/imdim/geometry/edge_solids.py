@@ -56,11 +56,16 @@ class Blends:
     missing: tuple[tuple[int, int], ...]
 
 
-def sweep_blends(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
-    """The solids of the blends of some edges of one program."""
-    pieces = [BlendSolid(e.feature, e.edge, e.stretch.is_convex, sweep_edge(e, *_lengths(e))) for e in edges]
+def blend_pieces(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
+    """The solids of the blends of some edges of one program: their sweeps, and what balls leave of the corners in which three meet."""
     balls = (BlendSolid(b.edge.feature, b.edge.edge, b.edge.stretch.is_convex, b.solid) for b in find_corner_balls(edges))
-    return (*pieces, *_corners(edges), *balls)
+    return (*sweep_blends(edges), *balls)
+
+
+def sweep_blends(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
+    """The sweeps of the blends of some edges of one program, which mitre in all corners: the solids of each edge in turn, then of corners."""
+    pieces = [BlendSolid(e.feature, e.edge, e.stretch.is_convex, sweep_edge(e, *_lengths(e))) for e in edges]
+    return (*pieces, *_corners(edges))
 
 
 @lru_cache(maxsize=1024)  # edges that an edit leaves where they are stay the same objects
@@ -86,7 +91,7 @@ def _blend_solids(program: Program, features: tuple[EdgeFeature, ...]) -> Blends
     from imdim.geometry.edges import find_edges  # with it come compiled kernels, which the process that writes STEP does without
 
     found = find_edges(program, features)
-    return Blends(sweep_blends(found.edges), found.missing)
+    return Blends(blend_pieces(found.edges), found.missing)
 
 
 def with_edges(program: Program, features: Sequence[EdgeFeature]) -> Program:
