@@ -207,6 +207,15 @@ def test_where_no_edges_are_looked_for_it_is_told():
     assert not snapshots(points, language="csg")[-1].notes  # nobody asked for them
 
 
+def test_the_box_of_a_body_that_no_time_is_left_for_lies_as_the_body_does():
+    """Thin plates that lie aslant had boxes of many times their volume."""
+    solid, plate = mesh_of(complex_part(), 48), mesh_of(box(40, 30, 2, (300.0, 0.0, 0.0), (30.0, 40.0, 20.0)))
+    last = snapshots(trimesh.util.concatenate([solid, plate]), budget_s=0.5)[-1]
+    assert any("they are boxes" in note for note in last.notes)
+    aslant = [leaf for leaf in leaves(last.program) if leaf.center[0] > 200]
+    assert [sorted(leaf.size) for leaf in aslant] == [pytest.approx([2.0, 30.0, 40.0], abs=1e-3)]
+
+
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_a_flat_scrap_that_no_time_is_left_for_is_left_out(tilt):
     """It has no box: a fit of an open-hardware part with loose facets was lost where its budget ended."""

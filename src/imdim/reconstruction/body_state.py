@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,6 +13,7 @@ import numpy as np
 from imdim.detection.blends import Chain
 from imdim.detection.noise import MeasuredNoise
 from imdim.detection.toothed_rims import ToothedRim
+from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.surface import vec
 from imdim.program.constraints import WORLD, Constraint
 from imdim.program.cost import count
@@ -28,6 +30,7 @@ from imdim.target.target import Frame, Target
 
 UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_TIME_LEFT = "not proved: time ran out"
+SMALLER = 0.8  # of the box along the world's axes, that one any other way has at most
 
 
 @dataclass(frozen=True)
@@ -143,11 +146,24 @@ def put_teeth_on_state(state: BodyState, rims: tuple[ToothedRim, ...]) -> BodySt
 
 def box_state(body: Target) -> BodyState:
     """The box of a body that no time is left for. It holds the body, so that its error is what it has beyond that."""
-    low, high = np.min(body.points, axis=0), np.max(body.points, axis=0)
-    if body.mesh is not None:
-        low, high = np.min(body.mesh.vertices, axis=0), np.max(body.mesh.vertices, axis=0)
-    x, y, z = (float(v) for v in (low + high) / 2)
-    box, whole = Primitive("box", (*(float(v) for v in high - low),), (x, y, z)), float(np.prod(high - low))
+    box = _box_around(np.asarray(body.points if body.mesh is None else body.mesh.vertices, float))
+    whole = math.prod(box.size)
     volume = float(body.mesh.volume) if body.mesh is not None and body.is_solid else whole
     error = abs(whole - volume) / volume
     return BodyState("boxes", box, error, volume, lambda _: error, (Choice(box, error),), NO_TIME_LEFT, CUT)
+
+
+def _box_around(points: np.ndarray) -> Primitive:
+    """The box about points [n, 3] along the world's axes, or the smallest any way where that is much smaller."""
+    from scipy.spatial import QhullError  # few parts have bodies that no time is left for
+    from trimesh.bounds import oriented_bounds
+
+    low, high = points.min(0), points.max(0)
+    try:
+        to_box, sides = oriented_bounds(points)
+    except QhullError:  # of a plane
+        to_box, sides = np.eye(4), high - low
+    if math.prod(sides) > SMALLER * math.prod(high - low):
+        return Primitive("box", vec(high - low), vec((low + high) / 2))
+    place = np.linalg.inv(to_box)
+    return Primitive("box", vec(np.asarray(sides)), vec(place[:3, 3]), euler_from_matrix(place[:3, :3]))
