@@ -5,11 +5,13 @@ import math
 import numpy as np
 import pytest
 import trimesh
+from manifold3d import Manifold
 from scipy.spatial.transform import Rotation
 from tests.deadlines import PASSED
 from tests.planted import ALONG_X, PARTS, box, carriers, common, cone, cut, cylinder, ellipsoid, mesh_of, same, sphere, torus, union
 
 from imdim.detection.mesh_surfaces import detect_patches
+from imdim.geometry.solid import to_trimesh
 from imdim.geometry.surface import Surface, normals, signed_distance, vec
 
 HEXAGON = union(*(box(20, 20 / math.sqrt(3), 8, rotation=(0.0, 0.0, a)) for a in (0.0, 60.0, 120.0)))
@@ -153,3 +155,31 @@ def test_the_sides_of_a_small_slot_are_flat(straight):
     assert [surface.sizes[0] for surface in round_ones] == pytest.approx([1.7] * 2, abs=1e-4)
     sides = [patch.surface for patch in patches if patch.surface.kind == "plane" and abs(patch.surface.axis[0]) > 0.999]
     assert sorted(float(np.asarray(side.point)[0]) for side in sides) == pytest.approx([-40.0, 10.3, 13.7, 40.0], abs=1e-4)
+
+
+def _polar_ball(radius: float, facets: int) -> Manifold:
+    """A ball of rings and meridians, as OpenSCAD's, which does not reach its poles."""
+    tilts = [math.pi * (k + 0.5) / (facets // 2) for k in range(facets // 2)]
+    turns = [2 * math.pi * k / facets for k in range(facets)]
+    ring = [(math.sin(a) * math.cos(t), math.sin(a) * math.sin(t), math.cos(a)) for a in tilts for t in turns]
+    return Manifold.hull_points(radius * np.array(ring))
+
+
+@pytest.mark.parametrize("facets", [24, 30, 48])
+def test_a_coarse_ball_that_cuts_have_gone_through_is_one_sphere(facets):
+    """Corners of cuts lie off the ball by as much as its facets; those in which facets of its own meet lie on it."""
+    mesh = to_trimesh(Manifold.cube([30.0, 30.0, 30.0], True) - _polar_ball(20.0, facets))
+    (found, *_) = sorted(detect_patches(mesh), key=lambda patch: -patch.area)
+    assert found.surface.kind == "sphere"
+    assert found.surface.sizes[0] == pytest.approx(20.0, abs=5e-3)
+    assert found.surface.point == pytest.approx((0.0, 0.0, 0.0), abs=5e-3)
+
+
+@pytest.mark.parametrize(("sides", "flats"), [(8, 8), (10, 10), (24, 0)])
+def test_sides_far_within_their_circle_are_a_polygons(sides, flats):
+    """An octagon as large as the part is no round plate: no tessellation is as coarse. A small hole with as few sides is round."""
+    plate = Manifold.cylinder(6.0, 20.0, 20.0, sides) - Manifold.cylinder(6.0, 1.5, 1.5, 8).translate([5.0, 0.0, 0.0])
+    patches = detect_patches(to_trimesh(plate))
+    round_ones = [patch.surface.sizes[0] for patch in patches if patch.surface.kind == "cylinder"]
+    assert round_ones == pytest.approx([1.5] if flats else [20.0, 1.5], abs=1e-3)
+    assert sum(patch.surface.kind == "plane" for patch in patches) == 2 + flats

@@ -11,13 +11,14 @@ import numpy as np
 from imdim.detection.facets import Facets, Growing, points_of
 from imdim.detection.fit_ellipsoid import lies_on, quadric_ellipsoid
 from imdim.detection.fit_elliptic import elliptic_guesses
-from imdim.detection.fit_surface import fit_surface
+from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.detection.mesh_support import members_of
 from imdim.geometry.rotations import cross
 from imdim.geometry.surface import Surface, vec
 
 LEAST_CORNERS = 11  # of an ellipsoid, which nine fix
 RINGS = (8, 30, 150)  # facets
+INNER = 3  # facets
 NEAR_CUTS = 10  # times as far off as drawn corners may be those of a ring, many of which a cut has made
 
 
@@ -41,6 +42,8 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
         out += [(0.97, s) for s in elliptic_guesses(seed, near, state)]
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
+        if len(inner := _inner_corners(facets, ring)) >= MIN_POINTS["sphere"]:
+            out.append((1.0, _fit_freely("sphere", inner.tobytes())))
         # a small ring keeps clear of cuts, a wide one is more exact
         for around in _rings(seed, alike, state):
             chosen = points_of(facets, around)
@@ -88,6 +91,15 @@ def _rings(seed: int, near: list[int], state: Growing) -> Iterator[np.ndarray]:
             return
         known = len(ring)
         yield ring
+
+
+def _inner_corners(facets: Facets, chosen: np.ndarray) -> np.ndarray:
+    """Corners [n, 3] in which INNER or more of the chosen facets meet: those that a cut has made lie between two at most."""
+    triangles = facets.triangles(chosen)
+    number = facets.distinct[1][triangles].ravel()
+    met = np.unique(np.stack([number, np.repeat(facets.facet_of[triangles], 3)]), axis=1)[0]
+    corner, count = np.unique(met, return_counts=True)
+    return facets.distinct[0][corner[count >= INNER]]
 
 
 def _corner_normals(facets: Facets, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

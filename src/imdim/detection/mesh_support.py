@@ -21,6 +21,7 @@ LEVEL = math.radians(2.0)  # beside that
 MOSTLY = 0.75  # of its corners, that lie on an elliptic cylinder
 UNROUND = 4e-4  # of the diagonal, by which the semi-axes of an ellipse differ; with less a circle does it
 FEW_STRIPS, STANDS_OUT = 7, 4.0  # of a cylinder, among which one that is wider by more than this factor is a flat between strips of others
+DRAWN_FLAT = 0.01  # of the diagonal: the chords of a tessellation lie a fifth of that off at most where it is the coarsest in use
 LEAST_TURN = {"ellipsoid": 30.0, "elliptic": 60.0}  # degrees, on the ball; any smooth surface is one for less
 
 
@@ -178,13 +179,21 @@ def believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
         least = 8  # nearly flat
     if len(members) < least:
         return False
-    if surface.kind == "cylinder" and len(members) <= FEW_STRIPS and _stands_out(surface, members, facets):
+    if surface.kind == "cylinder" and (
+        _is_drawn_flat(surface, members, facets) or (len(members) <= FEW_STRIPS and _stands_out(surface, members, facets))
+    ):
         return False
     if surface.kind in LEAST_STEPS and _least_steps(surface, members, facets) < LEAST_STEPS[surface.kind]:
         return False
     n = to_ball(surface, facets.normals[members]) if surface.kind in FRAMED else facets.normals[members]
     turn = np.arccos(np.clip((n @ n.T).min() if len(n) < 800 else -1.0, -1, 1))
     return turn > np.radians(LEAST_TURN.get(surface.kind, 4.0))
+
+
+def _is_drawn_flat(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
+    """Whether strips lie so far within a cylinder that no tessellation is as coarse: they are the sides of a polygon."""
+    apothems = np.abs(((facets.centers[members] - surface.point) * facets.normals[members]).sum(1))
+    return bool(surface.sizes[0] - np.median(apothems) > DRAWN_FLAT * facets.diagonal)
 
 
 def _stands_out(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
