@@ -21,7 +21,7 @@ LEVEL = math.radians(2.0)  # beside that
 MOSTLY = 0.75  # of its corners, that lie on an elliptic cylinder
 UNROUND = 4e-4  # of the diagonal, by which the semi-axes of an ellipse differ; with less a circle does it
 FEW_STRIPS, STANDS_OUT = 7, 4.0  # of a cylinder, among which one that is wider by more than this factor is a flat between strips of others
-DRAWN_FLAT = 0.01  # of the diagonal: the chords of a tessellation lie a fifth of that off at most where it is the coarsest in use
+DRAWN_FLAT = 0.01  # of the diagonal: OpenSCAD's usual 30 sides lie a fifth of that within a circle as large as the part
 LEAST_TURN = {"ellipsoid": 30.0, "elliptic": 60.0}  # degrees, on the ball; any smooth surface is one for less
 
 
