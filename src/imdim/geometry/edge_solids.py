@@ -63,7 +63,7 @@ def blend_pieces(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
 
 
 def sweep_blends(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
-    """The sweeps of the blends of some edges of one program, which mitre in all corners: the solids of each edge in turn, then of corners."""
+    """The sweeps of the blends of some edges of one program, which mitre in all corners: those of each edge in turn, then of corners."""
     pieces = [BlendSolid(e.feature, e.edge, e.stretch.is_convex, sweep_edge(e, *_lengths(e))) for e in edges]
     return (*pieces, *_corners(edges))
 
