@@ -14,6 +14,7 @@ from imdim.detection.blends import Chain
 from imdim.detection.noise import MeasuredNoise
 from imdim.detection.toothed_rims import ToothedRim
 from imdim.geometry.rotations import euler_from_matrix
+from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import vec
 from imdim.program.constraints import WORLD, Constraint
 from imdim.program.cost import count
@@ -30,6 +31,7 @@ from imdim.target.target import Frame, Target
 
 UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_TIME_LEFT = "not proved: time ran out"
+LOOKED_AT = 1000  # points that say how a box lies, which all of them bound
 SMALLER = 0.8  # of the box along the world's axes, that one any other way has at most
 
 
@@ -160,10 +162,11 @@ def _box_around(points: np.ndarray) -> Primitive:
 
     low, high = points.min(0), points.max(0)
     try:
-        to_box, sides = oriented_bounds(points)
+        turn = oriented_bounds(subsample(points, LOOKED_AT))[0][:3, :3]
     except QhullError:  # of a plane
-        to_box, sides = np.eye(4), high - low
-    if math.prod(sides) > SMALLER * math.prod(high - low):
+        turn = np.eye(3)
+    local = points @ turn.T
+    first, last = local.min(0), local.max(0)
+    if math.prod(last - first) > SMALLER * math.prod(high - low):
         return Primitive("box", vec(high - low), vec((low + high) / 2))
-    place = np.linalg.inv(to_box)
-    return Primitive("box", vec(np.asarray(sides)), vec(place[:3, 3]), euler_from_matrix(place[:3, :3]))
+    return Primitive("box", vec(last - first), vec(turn.T @ (first + last) / 2), euler_from_matrix(turn.T))
