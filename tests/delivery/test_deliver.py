@@ -13,7 +13,9 @@ from tests.known_programs import KNOWN
 from tests.planted import box, cut, cylinder, mesh_of
 
 from imdim.app.fit import summary
+from imdim.deadline import Deadline
 from imdim.delivery import deliver as module
+from imdim.delivery import finish as finishing
 from imdim.delivery.deliver import OutputError, RunRecord, deliver, finish_flat
 from imdim.delivery.finish import finish
 from imdim.export import step_worker
@@ -80,6 +82,16 @@ def test_a_program_that_cannot_be_named_in_time_is_the_one_that_was_found(target
     assert delivered[1]["parameters"]
     assert report["left_out"] == ["sizes have no names: no time was left for those of 7 primitives"]
     assert report["scores"]["volume_iou"] == pytest.approx(delivered[1]["scores"]["volume_iou"], abs=1e-6)
+
+
+@pytest.mark.parametrize(("seconds", "is_hurried"), [(0.1, False), (3.0, True)])
+def test_a_program_whose_solid_takes_long_is_not_named_past_its_time(seconds, is_hurried, monkeypatch):
+    """Threads of screws in a program of 77 features: three seconds each time that its solid was made, a hundred for its names."""
+    spent = [0.0]
+    monkeypatch.setattr(finishing, "to_manifold", lambda program: spent.__setitem__(0, spent[0] + seconds) or to_manifold(program))
+    found = finish(PROGRAM, name_by=Deadline(10.0, lambda: spent[0]))
+    assert found.hurried == is_hurried
+    assert bool(found.parameters.values) != is_hurried
 
 
 @pytest.mark.usefixtures("without_step")

@@ -37,6 +37,7 @@ NEAR = 2e-4  # of the part's size, by which what nearly repeats may move
 GATHERED = (1, 6)  # primitives of a part that may move to where it repeats, at most
 MOST_GATHERED = 150  # primitives of a program
 NAMED_S = 0.04  # that the names of a long program take for each of its primitives: 1.9 s for 37, 3 for 82
+SOLIDS = 8  # that are made at least until a program has names
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def finish(
     MOST_NAMED primitives, copies counted, is delivered as it was found: a kilobyte of repeats may unfold to thousands. So is one whose
     names would take longer than until `name_by` (by default never), its repeats too.
     """
-    if NAMED_S * count(program).primitives > name_by.left():
+    if _time_names(program, name_by) > name_by.left():
         return replace(_leave_as_found(program, None, edges), hurried=True)
     if count(program).primitives > MOST_NAMED:
         return _leave_as_found(program, fold_repeats(program), edges)
@@ -103,6 +104,13 @@ def finish(
     constraints = without_loose(given, constraints, delivered, folded)
     delivered, named, folded = _settle(delivered, parametrise(given, constraints, delivered, folded, deadline=deadline), folded)
     return FinishedProgram(delivered, _rename(delivered, constraints, named), named, folded, order=folding.order).with_edges(edges)
+
+
+def _time_names(program: Program, deadline: Deadline) -> float:
+    """About how many seconds of a deadline's clock the names of a program take: those of a long one, or of one whose solid takes long."""
+    begun = deadline.now()
+    to_manifold(program)  # which is looked at in any case
+    return max(NAMED_S * count(program).primitives, SOLIDS * (deadline.now() - begun))
 
 
 def _leave_as_found(program: Program, folding: Folding | None, edges: Sequence[EdgeFeature]) -> FinishedProgram:
