@@ -87,9 +87,9 @@ def test_a_program_that_cannot_be_named_in_time_is_the_one_that_was_found(target
 @pytest.mark.parametrize(("seconds", "is_hurried"), [(0.1, False), (3.0, True)])
 def test_a_program_whose_solid_takes_long_is_not_named_past_its_time(seconds, is_hurried, monkeypatch):
     """Threads of screws in a program of 77 features: three seconds each time that its solid was made, a hundred for its names."""
-    spent = [0.0]
-    monkeypatch.setattr(finishing, "to_manifold", lambda program: spent.__setitem__(0, spent[0] + seconds) or to_manifold(program))
-    found = finish(PROGRAM, name_by=Deadline(10.0, lambda: spent[0]))
+    monkeypatch.setattr(finishing, "time_solid", lambda *_: seconds)
+    pegs = [cylinder(1, 4, (10.0 * k, 0.0, 0.0)) for k in range(finishing.FEW + 1)]
+    found = finish(combine_all("union", pegs), name_by=Deadline(10.0, lambda: 0.0))
     assert found.hurried == is_hurried
     assert bool(found.parameters.values) != is_hurried
 

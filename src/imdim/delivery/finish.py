@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -23,7 +24,7 @@ from imdim.geometry.finish.far_ends import reach_far
 from imdim.geometry.finish.far_walls import reach_walls_far
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.finish.turned_ends import centre_turned
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import time_solid, to_manifold
 from imdim.program.constraints import WORLD, Constraint, renumber_constraints
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, name_edges, renumber_edges
@@ -38,6 +39,7 @@ GATHERED = (1, 6)  # primitives of a part that may move to where it repeats, at 
 MOST_GATHERED = 150  # primitives of a program
 NAMED_S = 0.04  # that the names of a long program take for each of its primitives: 1.9 s for 37, 3 for 82
 SOLIDS = 8  # that are made at least until a program has names
+FEW = 20  # primitives, whose solid is made in a moment
 
 
 @dataclass(frozen=True)
@@ -108,9 +110,9 @@ def finish(
 
 def _time_names(program: Program, deadline: Deadline) -> float:
     """About how many seconds of a deadline's clock the names of a program take: those of a long one, or of one whose solid takes long."""
-    begun = deadline.now()
-    to_manifold(program)  # which is looked at in any case
-    return max(NAMED_S * count(program).primitives, SOLIDS * (deadline.now() - begun))
+    primitives = count(program).primitives
+    solids = SOLIDS * time_solid(program, deadline.now) if primitives > FEW and deadline.left() < math.inf else 0.0
+    return max(NAMED_S * primitives, solids)
 
 
 def _leave_as_found(program: Program, folding: Folding | None, edges: Sequence[EdgeFeature]) -> FinishedProgram:
