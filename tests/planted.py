@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 import trimesh
+from manifold3d import Manifold
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import to_manifold, to_trimesh
@@ -73,6 +74,14 @@ PARTS: dict[str, Program] = {
 
 def mesh_of(program: Program, segments: int = 96) -> trimesh.Trimesh:
     return to_trimesh(to_manifold(program, segments))
+
+
+def polar_ball(radius: float, facets: int) -> Manifold:
+    """A ball as OpenSCAD's: rings half a step off the poles, which it does not reach."""
+    tilts = [math.pi * (k + 0.5) / (facets // 2) for k in range(facets // 2)]
+    turns = [2 * math.pi * k / facets for k in range(facets)]
+    ring = [(math.sin(a) * math.cos(t), math.sin(a) * math.sin(t), math.cos(a)) for a in tilts for t in turns]
+    return Manifold.hull_points(radius * np.array(ring))
 
 
 def carriers(program: Program) -> list[Surface]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from manifold3d import Manifold, OpType
+from tests.planted import polar_ball
 
 from imdim.detection.blends import find_chains
 from imdim.detection.sharpen import sharpen
@@ -126,14 +127,6 @@ def test_what_bounds_no_solid_then_stays() -> None:
     assert sharpen(opened, [type(chain)(tuple(blends))]).chains == []
 
 
-def _polar_ball(radius: float, facets: int) -> Manifold:
-    """A ball as OpenSCAD's: rings half a step off the poles, which it does not reach."""
-    tilts = [math.pi * (k + 0.5) / (facets // 2) for k in range(facets // 2)]
-    turns = [2 * math.pi * k / facets for k in range(facets)]
-    ring = [(math.sin(a) * math.cos(t), math.sin(a) * math.sin(t), math.cos(a)) for a in tilts for t in turns]
-    return Manifold.hull_points(radius * np.array(ring))
-
-
 @pytest.mark.parametrize("facets", [32, 48])
 def test_a_box_rounded_by_rods_and_coarse_balls_comes_off(facets: int) -> None:
     """What OpenSCAD's rounded boxes are: facets of rods meet flat walls at half a step, and slivers lie between rods and balls."""
@@ -148,7 +141,7 @@ def test_a_box_rounded_by_rods_and_coarse_balls_comes_off(facets: int) -> None:
             shift = np.zeros(3)
             shift[other] = one * inner[other[0]], two * inner[other[1]]
             parts.append(rod.translate(shift.tolist()))
-    ball = _polar_ball(r, facets)
+    ball = polar_ball(r, facets)
     parts += [ball.translate((np.array(signs) * inner).tolist()) for signs in itertools.product((-1, 1), repeat=3)]
     mesh = to_trimesh(Manifold.batch_boolean(parts, OpType.Add))
     chains = find_chains(mesh)

@@ -8,7 +8,23 @@ import trimesh
 from manifold3d import Manifold
 from scipy.spatial.transform import Rotation
 from tests.deadlines import PASSED
-from tests.planted import ALONG_X, PARTS, box, carriers, common, cone, cut, cylinder, ellipsoid, mesh_of, same, sphere, torus, union
+from tests.planted import (
+    ALONG_X,
+    PARTS,
+    box,
+    carriers,
+    common,
+    cone,
+    cut,
+    cylinder,
+    ellipsoid,
+    mesh_of,
+    polar_ball,
+    same,
+    sphere,
+    torus,
+    union,
+)
 
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.geometry.solid import to_trimesh
@@ -157,18 +173,10 @@ def test_the_sides_of_a_small_slot_are_flat(straight):
     assert sorted(float(np.asarray(side.point)[0]) for side in sides) == pytest.approx([-40.0, 10.3, 13.7, 40.0], abs=1e-4)
 
 
-def _polar_ball(radius: float, facets: int) -> Manifold:
-    """A ball of rings and meridians, as OpenSCAD's, which does not reach its poles."""
-    tilts = [math.pi * (k + 0.5) / (facets // 2) for k in range(facets // 2)]
-    turns = [2 * math.pi * k / facets for k in range(facets)]
-    ring = [(math.sin(a) * math.cos(t), math.sin(a) * math.sin(t), math.cos(a)) for a in tilts for t in turns]
-    return Manifold.hull_points(radius * np.array(ring))
-
-
 @pytest.mark.parametrize("facets", [20, 30, 48])
 def test_a_coarse_ball_that_cuts_have_gone_through_is_one_sphere(facets):
     """Corners of cuts lie off the ball by as much as its facets; those in which facets of its own meet lie on it."""
-    mesh = to_trimesh(Manifold.cube([30.0, 30.0, 30.0], True) - _polar_ball(20.0, facets))
+    mesh = to_trimesh(Manifold.cube([30.0, 30.0, 30.0], True) - polar_ball(20.0, facets))
     (found, *_) = sorted(detect_patches(mesh), key=lambda patch: -patch.area)
     assert found.surface.kind == "sphere"
     assert found.surface.sizes[0] == pytest.approx(20.0, abs=5e-3)

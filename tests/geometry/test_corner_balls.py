@@ -4,7 +4,9 @@ import math
 
 import pytest
 
+from imdim.geometry.corner_balls import find_corner_balls
 from imdim.geometry.edge_solids import with_edges
+from imdim.geometry.edges import find_edges
 from imdim.geometry.solid import to_manifold
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.outline import Outline
@@ -60,17 +62,15 @@ def test_the_bottom_corners_of_a_pocket_are_filled() -> None:
     assert 40 * 40 * 20 - volume(block, feature) == pytest.approx(rounded(20, 14, 24, 2) / 2, rel=1e-4)
 
 
-def test_fillets_of_two_radii_mitre() -> None:
-    box = Primitive("box", (10.0, 20.0, 30.0))
-    upright = EdgeFeature("fillet", (2.0,), pairs(0, *UPRIGHT))
-    top = EdgeFeature("fillet", (1.0,), pairs(0, *(("+z", side) for side in SIDES)))
-    together = 6000 - volume(box, upright, top)
-    assert together < (6000 - volume(box, upright)) + (6000 - volume(box, top))  # each alone, where both run in one corner
+def balls(program: Program, *features: EdgeFeature) -> int:
+    return len(list(find_corner_balls(find_edges(program, features).edges)))
 
 
-def test_an_edge_that_is_too_short_for_a_ball_stays_mitred() -> None:
-    """A plate as thin as the radius: balls of its two faces would meet."""
-    plate = Primitive("box", (20.0, 20.0, 1.5))
-    every = EdgeFeature("fillet", (2.0,), pairs(0, *UPRIGHT, *(("+z", side) for side in SIDES)))
-    upright = EdgeFeature("fillet", (2.0,), pairs(0, *UPRIGHT))
-    assert 0 < volume(plate, every) < volume(plate, upright)
+def test_a_ball_rolls_into_each_corner_of_three_alike_alone() -> None:
+    """Fillets of two radii mitre, and so do those of a plate as thin as the radius, where balls of its two faces would meet."""
+    upright, top = pairs(0, *UPRIGHT), pairs(0, *(("+z", side) for side in SIDES))
+    box, plate = Primitive("box", (10.0, 20.0, 30.0)), Primitive("box", (20.0, 20.0, 1.5))
+    assert balls(box, EdgeFeature("fillet", (2.0,), (*upright, *top))) == 4
+    assert balls(box, EdgeFeature("fillet", (2.0,), upright), EdgeFeature("fillet", (1.0,), top)) == 0
+    assert balls(box, EdgeFeature("chamfer", (2.0,), (*upright, *top))) == 0
+    assert balls(plate, EdgeFeature("fillet", (2.0,), (*upright, *top))) == 0

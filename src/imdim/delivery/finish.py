@@ -81,7 +81,7 @@ def finish(
     MOST_NAMED primitives, copies counted, is delivered as it was found: a kilobyte of repeats may unfold to thousands. So is one whose
     names would take longer than until `name_by` (by default never), its repeats too.
     """
-    if _time_names(program, name_by) > name_by.left():
+    if not _has_time_to_name(program, name_by):
         return replace(_leave_as_found(program, None, edges), hurried=True)
     if count(program).primitives > MOST_NAMED:
         return _leave_as_found(program, fold_repeats(program), edges)
@@ -108,11 +108,14 @@ def finish(
     return FinishedProgram(delivered, _rename(delivered, constraints, named), named, folded, order=folding.order).with_edges(edges)
 
 
-def _time_names(program: Program, deadline: Deadline) -> float:
-    """About how many seconds of a deadline's clock the names of a program take: those of a long one, or of one whose solid takes long."""
+def _has_time_to_name(program: Program, name_by: Deadline) -> bool:
+    """Whether the names of a program are likely to be found in time: a long one takes long, and so does one whose solid does."""
     primitives = count(program).primitives
-    solids = SOLIDS * time_solid(program, deadline.now) if primitives > FEW and deadline.left() < math.inf else 0.0
-    return max(NAMED_S * primitives, solids)
+    if NAMED_S * primitives > name_by.left():
+        return False
+    if name_by.left() == math.inf or not FEW < primitives <= MOST_NAMED:
+        return True
+    return SOLIDS * time_solid(program, name_by.now) <= name_by.left()
 
 
 def _leave_as_found(program: Program, folding: Folding | None, edges: Sequence[EdgeFeature]) -> FinishedProgram:

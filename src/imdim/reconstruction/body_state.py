@@ -156,15 +156,11 @@ def box_state(body: Target) -> BodyState:
 
 
 def _box_around(points: np.ndarray) -> Primitive:
-    """The box about points [n, 3] along the world's axes, or the smallest any way where that is much smaller."""
-    from scipy.spatial import QhullError  # few parts have bodies that no time is left for
-    from trimesh.bounds import oriented_bounds
+    """The box about points [n, 3], not all in one plane, along the world's axes, or the smallest any way where that is much smaller."""
+    from trimesh.bounds import oriented_bounds  # few parts have bodies that no time is left for
 
     low, high = points.min(0), points.max(0)
-    try:
-        turn = oriented_bounds(subsample(points, LOOKED_AT))[0][:3, :3]
-    except QhullError:  # of a plane
-        turn = np.eye(3)
+    turn = oriented_bounds(subsample(points, LOOKED_AT))[0][:3, :3]
     local = points @ turn.T
     first, last = local.min(0), local.max(0)
     if math.prod(last - first) > SMALLER * math.prod(high - low):
