@@ -13,6 +13,7 @@ from imdim.export.elimination import without_loose
 from imdim.export.feature_names import label_features
 from imdim.export.feature_roles import MOST_NAMED
 from imdim.export.followed_ends import find_followed_ends
+from imdim.export.kept_relations import keep_by_names
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
 from imdim.export.relation_names import name_relations
@@ -140,7 +141,7 @@ def _settle(program: Program, named: Parameters, folded: Folded | None) -> tuple
 
 
 def _rename(delivered: Program, constraints: Sequence[Constraint], named: Parameters) -> tuple[Constraint, ...]:
-    return name_relations(rebase_constraints(delivered, constraints), delivered, named)
+    return name_relations(rebase_constraints(delivered, keep_by_names(delivered, constraints, named)), delivered, named)
 
 
 def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadline = NEVER, edges: Sequence[EdgeFeature] = ()) -> Program:

@@ -421,7 +421,7 @@ def without_loose(
         kept = {id(c) for c in without_loose(own.turn_program(program), held, turned, folded and own.turn_folded(folded))}
         return tuple(c for c in constraints if id(c) in kept or c.kind in ("parallel", "perpendicular"))
     system = LinearSystem.of(program, constraints, delivered, folded)
-    matrix, owner = _world_rows(constraints, numbers)
+    matrix, owner = world_rows(constraints, numbers)
     follows = np.zeros((6 * len(numbers.kinds), len(system.start)))
     follows[np.arange(len(follows)), np.arange(len(follows))] = 1.0
     for v, row in system.solve().items():
@@ -435,13 +435,13 @@ def without_loose(
 
 def _linear(constraints: Sequence[Constraint], numbers: Lowered) -> Iterator[dict[int, float]]:
     """The rows of constraints with respect to sizes and centres; those of directions alone are empty and left out."""
-    for row in _world_rows([c for c in constraints if c.kind not in ("parallel", "perpendicular")], numbers)[0]:
+    for row in world_rows([c for c in constraints if c.kind not in ("parallel", "perpendicular")], numbers)[0]:
         found = {int(v): float(row[v]) for v in np.flatnonzero(np.abs(row) > ZERO)}
         if found:
             yield found
 
 
-def _world_rows(constraints: Sequence[Constraint], numbers: Lowered) -> tuple[np.ndarray, np.ndarray]:
+def world_rows(constraints: Sequence[Constraint], numbers: Lowered) -> tuple[np.ndarray, np.ndarray]:
     """The rows [m, 6 k] of constraints with respect to sizes and centres in the world, and the constraint [m] that each is of."""
     k = len(numbers.kinds)
     rows = rows_of(constraints, numbers)

@@ -399,11 +399,11 @@ def _meeting_points(a: Curve | Ellipse, b: Curve | Ellipse, tolerance: float, sh
         assert isinstance(one, Ellipse)
         ends = [ellipse_point(other, 0.0)] if isinstance(other, Ellipse) else [other[:2], other[2:4]]
         points = [*ends, *meet_conic(one, _conic_of(other))]
-        yield from (p for p in points if _distance(one, p) <= tolerance and _distance(other, p) <= tolerance)
+        yield from (p for p in points if curve_distance(one, p) <= tolerance and curve_distance(other, p) <= tolerance)
         return
-    yield from (p for p in ((a[0], a[1]), (a[2], a[3])) if p not in shared and _distance(b, p) <= tolerance)
-    yield from (p for p in ((b[0], b[1]), (b[2], b[3])) if p not in shared and _distance(a, p) <= tolerance)
-    yield from (p for p in _carrier_crossings(a, b) if _distance(a, p) <= tolerance and _distance(b, p) <= tolerance)
+    yield from (p for p in ((a[0], a[1]), (a[2], a[3])) if p not in shared and curve_distance(b, p) <= tolerance)
+    yield from (p for p in ((b[0], b[1]), (b[2], b[3])) if p not in shared and curve_distance(a, p) <= tolerance)
+    yield from (p for p in _carrier_crossings(a, b) if curve_distance(a, p) <= tolerance and curve_distance(b, p) <= tolerance)
 
 
 def _conic_of(curve: Curve | Ellipse) -> tuple[float, float, float, float, float, float]:
@@ -454,7 +454,7 @@ def _circle_circle(p: Point, r: float, q: Point, s: float) -> Iterator[Point]:
     yield p[0] + along * ux + half * uy, p[1] + along * uy - half * ux
 
 
-def _distance(curve: Curve | Ellipse, point: Point) -> float:
+def curve_distance(curve: Curve | Ellipse, point: Point) -> float:
     """Distance of a point to a curve."""
     if isinstance(curve, Ellipse):
         return ellipse_distance(curve, point)

@@ -19,6 +19,7 @@ from imdim.geometry.finish.cut_ends import end_cuts_in_faces
 from imdim.geometry.finish.cutter_walls import open_films
 from imdim.geometry.finish.datum_ends import begin_at_datums
 from imdim.geometry.finish.free_ends import draw_back
+from imdim.geometry.finish.idle_parts import drop_idle
 from imdim.geometry.finish.late_cuts import cut_last, group_cuts, lead_with_body
 from imdim.geometry.finish.loose_bodies import join_bodies
 from imdim.geometry.finish.overshoot import without_strays
@@ -26,6 +27,7 @@ from imdim.geometry.finish.parted import part_bodies
 from imdim.geometry.finish.rails import part_at_posts
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.turned_feet import stand_on_faces
+from imdim.geometry.finish.webs import draw_webs
 from imdim.geometry.solid import bounds_of, to_manifold
 from imdim.program.constraints import Constraint, scale_constraints
 from imdim.program.cost import CURVE_PRICES
@@ -139,6 +141,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
     short = preserve(home, reduce_program(home, deadline=fit_by))
     if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():
         short = complete_polygons(complete_holes(short, seen.patches, seen.iou, seen.exact_price), seen.iou)
+        short = draw_webs(short, seen.solid, fit_by)
     opened = _open_films(frame.undo(short), seen, frame, fit_by)
     short = short if opened is None else frame.apply(opened)
     simple = replace(step, stage="simplify", program=short, error=None, front=())
@@ -160,6 +163,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         last = replace(last, program=_open_films(last.program, seen, frame, budget.end_of("relate")) or last.program)
         if (bounded := _solid_in(seen, frame)) is not None and not fit_by.has_passed():
             last = replace(last, program=close_voids(join_bodies(last.program, bounded, fit_by), bounded, fit_by))
+        if last.found is None:  # relations that were found are of all its parts
+            last = replace(last, program=drop_idle(last.program, fit_by))
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
 
