@@ -66,18 +66,20 @@ print(json.dumps([sorted(theirs), sorted(ours), sorted(ready() - ours)]))
 
 # The same of clouds: what the second process makes ready, what the first one needs, and what another noisy cloud needs beside.
 CLOUDS = f"""{READY}
+from itertools import count
 import numpy as np
 from imdim.reconstruction.config import Settings
-from imdim.reconstruction.pipeline import reconstruct_best
+from imdim.reconstruction.pipeline import reconstruct
 from imdim.target.target import target_from
 
 first_run.compile_second_half_of_clouds()
 theirs = ready()
 first_run._reconstruct_small_cloud()
 ours = ready()
-points = 0.8 * first_run._small_target().points[::40] * (1.0, 1.0, 2.0)
+points = 0.8 * first_run._small_target().points[::80] * (1.0, 1.0, 2.0)
 noisy = points + np.random.default_rng(1).normal(0, 0.1, points.shape)
-reconstruct_best(target_from(noisy), Settings(budget_s=2.0, checkpoint="none"))
+settings = Settings(budget_s=first_run.LOOKS, checkpoint="none")
+list(reconstruct(target_from(noisy), settings, np.random.default_rng(0), count().__next__))
 print(json.dumps([sorted(theirs), sorted(ours), sorted(ready() - ours)]))
 """
 

@@ -57,7 +57,7 @@ def both_after(looks):
     return (Deadline(looks, lambda: next(seconds)),) * 2
 
 
-@pytest.mark.parametrize(("name", "share", "n"), [("L bracket", 0.006, 600), ("plate with four holes", 0.003, 900)])
+@pytest.mark.parametrize(("name", "share", "n"), [("L bracket", 0.006, 400), ("plate with four holes", 0.003, 600)])
 def test_a_planted_part_comes_back_from_noise_and_strays(name, share, n):
     truth = PARTS[name]
     # how many searches begin depends on the clock: that of the processor is the same beside other tests

@@ -163,10 +163,10 @@ def test_bodies_apart_stay_as_they_are():
 
 
 def test_too_many_faces_become_fewer_and_keep_the_volume():
-    target = target_from(trimesh.creation.torus(2.0, 0.5, major_sections=700, minor_sections=400))
+    target = target_from(trimesh.creation.torus(2.0, 0.5, major_sections=400, minor_sections=300))
     assert len(target.mesh.faces) < 200_000  # type: ignore[union-attr]
     assert target.mesh.volume == pytest.approx(2 * math.pi**2 * 2 * 0.25, rel=2e-3)  # type: ignore[union-attr]
-    assert "560000 faces thinned" in target.notes[0]
+    assert "240000 faces thinned" in target.notes[0]
 
 
 def test_subsampling_keeps_one_point_per_voxel_and_all_of_the_shape():

@@ -20,6 +20,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
 
 KERNEL = "@njit"  # in the text of a module that has some
 FEW_POINTS, BLUR = 200, 0.15  # of a small cloud, and how far they lie off its part
+# looks at the clock by which a search of it has asked for all kernels, and one that begins in its noise; they would go on for seconds
+LOOKS, LOOKS_IN_NOISE = 800, 450
 SHOWN_EVERY_S = 0.2
 
 
@@ -113,13 +116,14 @@ def compile_second_half_of_clouds() -> None:
     """Compile the kernels that search in noise, as where detection tells no inside."""
     import numpy as np
 
-    from imdim.deadline import NEVER
+    from imdim.deadline import Deadline
     from imdim.reconstruction.mdl import reconstruct_unlabelled
     from imdim.reconstruction.observation import UnitBody
     from imdim.target.target import in_unit_frame, target_from
 
     body = UnitBody.of(in_unit_frame(target_from(_small_cloud()))[0], np.random.default_rng(0))
-    reconstruct_unlabelled(body, None, NEVER, NEVER, drawn=True)
+    end = Deadline(LOOKS_IN_NOISE, count().__next__)
+    reconstruct_unlabelled(body, None, end, end, drawn=True)
 
 
 @contextmanager
@@ -244,15 +248,17 @@ def _reconstruct_small_part() -> None:
 
 def _reconstruct_small_cloud() -> None:
     """And what an outline tells of it: calm clouds need no other kernels."""
+    import numpy as np
+
     from imdim.numbers.em import EMConfig, maximise_likelihood
     from imdim.numbers.likelihood import Noise
     from imdim.reconstruction.config import Settings
-    from imdim.reconstruction.pipeline import reconstruct_best
+    from imdim.reconstruction.pipeline import reconstruct
     from imdim.target.target import target_from
 
     cloud = _small_cloud()
     maximise_likelihood(_small_part(), cloud, Noise(BLUR), EMConfig(rounds=2))
-    reconstruct_best(target_from(cloud), Settings(budget_s=600.0, checkpoint="none"))
+    list(reconstruct(target_from(cloud), Settings(budget_s=LOOKS, checkpoint="none"), np.random.default_rng(0), count().__next__))
 
 
 def _see_from_outside(surface: Trimesh, points: np.ndarray) -> None:
