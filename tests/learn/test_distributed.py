@@ -35,8 +35,8 @@ SMALL = [
 ]
 
 
-# Trains and resumes in the same two processes, which take four times as long to start as to learn: the second one waits until the first, which
-# alone writes, has ended the first run.
+# Trains and resumes in the same two processes, which take four times as long to start as to learn: the second one waits until the
+# first, which alone writes, has ended the first run.
 TWICE = f"""
 import os, sys, time
 from pathlib import Path
