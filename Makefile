@@ -24,10 +24,8 @@ test: .venv/develop .venv/kernels
 # compiled once here: two workers with a browser each, and the processes that they keep ready, would all compile at the same time; a cloud
 # that compiles takes most of its time for that, and ends with status 3, as a result that is not the part
 .venv/kernels: .venv/develop $(shell find src -name '*.py')
-	@echo "Compiling the search's kernels (up to a minute)"
 	$(COMPILED)
-	@for asked in bracket.stl "bracket.stl language=csg" bracket_cloud.ply; do \
-		$(BIN)/python infer.py input=dataset/examples/$$asked output=out/kernels budget_s=20 >/dev/null || test $$? = 3 || exit 1; done
+	@$(BIN)/python -m imdim.delivery.first_run all
 	@touch $@
 
 check: lint test
