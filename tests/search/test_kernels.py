@@ -109,7 +109,8 @@ def test_merged_slabs_keep_the_best_box(share):
         grid = rng.normal(size=rng.integers(2, 9, 3)) - 1.0
         grid[rng.random(grid.shape) < share] += 3.0
         grid[rng.random(grid.shape) < 0.3] = 0.0  # where there are no cells
-        places = np.argwhere(grid != 0).astype(np.int32)
+        # in the order that the search has them in: for another one the kernels are compiled anew, in three seconds
+        places = np.argwhere(grid != 0).astype(np.int32, order="C")
         sums = grid[tuple(places.T)]
         smaller, *first = merge_slabs(sums, places, grid.shape)
         assert smaller.sum() == pytest.approx(grid.sum())
