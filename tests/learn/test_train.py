@@ -60,6 +60,23 @@ def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path, experiment):
     assert all(torch.equal(one[key], other[key]) for key in one)
 
 
+@pytest.mark.parametrize("experiment", ["base", "seed"])
+def test_a_run_begins_with_the_weights_of_a_checkpoint(tmp_path, experiment):
+    list(train(small(tmp_path / "first", experiment)))
+    given = tmp_path / "first" / "best.safetensors"
+    # a rate of nothing leaves what the run began with
+    list(train(small(tmp_path / "second", experiment, epochs=1, lr=0.0, ema=0.0, seed=1, weights=str(given))))
+    first, second = (weights(tmp_path / name / "best.safetensors") for name in ("first", "second"))
+    assert all(torch.equal(first[key], second[key]) for key in first)
+    wider = replace(
+        small(tmp_path / "other", experiment, weights=str(given)), base=replace(BASE, d_model=32), seed_design=replace(SEED, hidden=32)
+    )
+    with pytest.raises(CheckpointError, match=r"weights of other settings: (d_model|hidden) 16"):
+        next(train(wider))
+    with pytest.raises(FileNotFoundError, match="no checkpoint at"):
+        next(train(small(tmp_path / "none", experiment, weights=str(tmp_path / "nothing"))))
+
+
 def test_resuming_another_run_or_none_says_so(tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing to resume"):
         next(train(small(tmp_path, resume=True)))

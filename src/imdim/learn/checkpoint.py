@@ -93,6 +93,17 @@ def load_policy(path: Path, device: torch.device | str = "cpu") -> tuple[Policy,
     return policy.to(device).eval(), header
 
 
+def load_weights(net: Policy | StumpNet, path: Path) -> None:
+    """Give a net the weights of a checkpoint of its design and settings. Raises CheckpointError for one of others, OSError when the file
+    cannot be read."""
+    given = load_stump(path)[0] if isinstance(net, StumpNet) else load_policy(path)[0]
+    mine, its = (asdict(n.config) for n in (net, given))  # type: ignore[call-overload]
+    other = [f"{key} {its.get(key)}" for key in mine if its.get(key) != mine[key]] if type(given) is type(net) else ["another design"]
+    if other:
+        raise CheckpointError(f"{path}: weights of other settings: {_short(', '.join(other))}")
+    net.load_state_dict(given.state_dict())
+
+
 def save_state(path: Path, state: Mapping[str, Any]) -> None:
     """A training state: nested dictionaries and lists of tensors and plain values."""
     # torch and safetensors report a full disk as errors of other kinds, so they write to memory

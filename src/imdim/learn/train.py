@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from imdim.learn.batches import Batch, Batches
-from imdim.learn.checkpoint import load_own_state, load_state, save_net, save_state
+from imdim.learn.checkpoint import load_own_state, load_state, load_weights, save_net, save_state
 from imdim.learn.distributed import Processes
 from imdim.learn.optimise import NotFinite, Optimiser, means
 from imdim.learn.schedule import Plan, learning_rate, plan_steps, shorten_plan
@@ -58,8 +58,8 @@ def train(
 
     Of several `processes` the first one reports and writes.
 
-    Raises NotFinite, which names the step and the file with the batch, FileNotFoundError when there is nothing to resume, ValueError when
-    the run to resume was of another configuration or is over.
+    Raises NotFinite, which names the step and the file with the batch, FileNotFoundError when there is nothing to resume or to begin with,
+    ValueError when the run to resume was of another configuration or is over, and when the weights to begin with are of another.
     """
     processes = processes or Processes()
     run = _TrainRun(fill_defaults(config, processes.count), notes or {}, clock, processes)
@@ -70,7 +70,10 @@ class _TrainRun:
     def __init__(self, config: TrainConfig, notes: dict[str, str], clock: Callable[[], float], processes: Processes) -> None:
         torch.set_num_threads(config.threads)
         self.config, self.notes, self.out, self.clock, self.processes = config, notes, Path(config.out), clock, processes
-        self.net = build(config).to(config.device)
+        net = build(config)
+        if config.weights and not config.resume:
+            load_weights(net, Path(config.weights))
+        self.net = net.to(config.device)
         self.optimiser = Optimiser(self.net, config.ema, config.clip, precision(config), processes)
         self.batches = Batches(config, processes)
         self.validation = Validation(config)
