@@ -204,3 +204,27 @@ def test_a_size_that_may_be_nothing_is_not_rounded_to_it():
     assert depth < bounds._half_widths(1, np.eye(6))[1]
     _, pocket = leaves(bounds.round_sizes(bounds.known.program))
     assert pocket.size[1] == pytest.approx(depth, abs=0.15)
+
+
+def test_a_drawn_part_is_rounded_as_a_whole_no_further_than_its_walls_are_known():
+    """Its place is told by its outline: unmeasured as it seemed, it was moved by the noise, and walls of five lost a fiftieth."""
+    ring = Primitive(
+        "extrude", (6.0,), (0.08, 0.0, 1.0), outline=Outline((circle(18), ((-10, -9, 0), (11, -9, 0), (11, 9, 0), (-10, 9, 0))))
+    )
+    known = measure(ring, cloud(ring), np.zeros((0, Coordinates.of(ring).count)))
+    bounds, (own,) = MeasuredLeaves.of(known), [*leaves(known.program)]
+    x, y, z = own.center
+    assert 0 < bounds.slides[0, 0] < SIGMA / 5
+    assert bounds.slides[0, 2] == 0
+    assert not bounds.allow(replace(own, center=(x + SIGMA / 2, y, z)))
+    assert not bounds.allow(replace(own, rotation=(*own.rotation[:2], own.rotation[2] + 0.5)))
+    assert bounds.allow(own)
+
+
+def test_a_turned_outline_is_not_rounded_along_its_axis_beyond_what_is_known():
+    knob = Primitive("revolve", (360.0,), (0.0, 0.0, 0.07), outline=Outline((((0, -8, 0), (15, -8, 0), (9, 8, 0), (0, 8, 0)),)))
+    known = measure(knob, cloud(knob), np.zeros((0, Coordinates.of(knob).count)))
+    bounds, (own,) = MeasuredLeaves.of(known), [*leaves(known.program)]
+    x, y, z = own.center
+    assert 0 < bounds.slides[0, 2] < SIGMA / 5
+    assert not bounds.allow(replace(own, center=(x, y, z - SIGMA / 2)))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,6 +38,17 @@ class Measured:
     free: np.ndarray
     hidden: np.ndarray
     noise: Noise
+
+    @cached_property
+    def _precision(self) -> np.ndarray:
+        return np.linalg.pinv(self.covariance, rcond=DEPENDENT, hermitian=True)
+
+    def half_width_along(self, way: np.ndarray) -> float:
+        """Half of the 95 % interval of a move of several coordinates at once along `way` [p], all others as they are; infinite where no
+        points show it, and where relations hold all of them."""
+        own = self.free @ (self.free.T @ way)
+        known = float(own @ self._precision @ own)
+        return NORMAL_95 / math.sqrt(known) if known > 0 else math.inf
 
     def half_widths(self, slopes: np.ndarray) -> np.ndarray:
         """Half of the 95 % interval of each number with these derivatives [n, p], in its units; infinite where no points show it, and where

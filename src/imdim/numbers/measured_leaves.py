@@ -15,7 +15,7 @@ from imdim.numbers.measured import Measured
 from imdim.numbers.symmetry_normal_form import turn_over
 from imdim.program.motions import is_round
 from imdim.program.outline import Outline
-from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.program.tree import KINDS, Primitive, Program, leaves, map_leaves
 
 FLAT = 0.9  # cosine between two poses of one leaf: beyond that it was written in another frame, and nothing is compared
 EXACT = 1e-12  # of the largest number, within which nothing has moved
@@ -24,11 +24,12 @@ EXACT = 1e-12  # of the largest number, within which nothing has moved
 @dataclass(frozen=True)
 class MeasuredLeaves:
     """The leaves of a measured program, half-widths [k, 3] of the 95 % intervals of their turns, as lengths at their bounding radii, and
-    the grid on which most numbers lie, 0 where there is none."""
+    of moves along their own axes as far as outlines tell these, and the grid on which most numbers lie, 0 where there is none."""
 
     known: Measured
     parts: tuple[Primitive, ...]
     turns: np.ndarray
+    slides: np.ndarray
     common: float
 
     @staticmethod
@@ -37,9 +38,13 @@ class MeasuredLeaves:
         slopes = np.zeros((3 * len(parts), known.start.count))
         for i in range(len(parts)):
             slopes[3 * i : 3 * i + 3, 9 * i + 6 : 9 * i + 9] = np.eye(3)
-        bare = MeasuredLeaves(known, parts, np.zeros((len(parts), 3)), 0.0)
+        bare = MeasuredLeaves(known, parts, np.zeros((len(parts), 3)), np.zeros((len(parts), 3)), 0.0)
+        turns, slides = bare._told(slopes).reshape(-1, 3), np.zeros((len(parts), 3))
+        for leaf, axis, is_turn, half in _outline_moves(known):
+            (turns if is_turn else slides)[leaf, axis] = min(half, known.noise.sigma)
+        bare = replace(bare, turns=turns, slides=slides)
         half = np.concatenate([bare._half_widths(i, np.eye(6)) for i in range(len(parts))])
-        return replace(bare, turns=bare._told(slopes).reshape(-1, 3), common=common_grid(np.concatenate([row_of(p) for p in parts]), half))
+        return replace(bare, common=common_grid(np.concatenate([row_of(p) for p in parts]), half))
 
     def allow(self, trial: Program) -> bool:
         """Whether each number of the program is the one measured, but for digits that say nothing, or one that its interval holds and
@@ -91,9 +96,11 @@ class MeasuredLeaves:
     def _half_widths(self, leaf: int, matrix: np.ndarray) -> np.ndarray:
         """Of combinations [n, 6] of the sizes and the centre of a leaf."""
         slopes = np.zeros((len(matrix), self.known.start.count))
+        along = matrix[:, 3:] @ self.known.start.numbers.rotations[leaf]
         slopes[:, 9 * leaf : 9 * leaf + 3] = matrix[:, :3]
-        slopes[:, 9 * leaf + 3 : 9 * leaf + 6] = matrix[:, 3:] @ self.known.start.numbers.rotations[leaf]
-        return self._told(slopes)
+        slopes[:, 9 * leaf + 3 : 9 * leaf + 6] = np.where(self.slides[leaf] > 0, 0.0, along)
+        others = np.where(np.abs(slopes).max(1) > EXACT, self._told(slopes), 0.0)
+        return np.hypot(others, np.linalg.norm(along * self.slides[leaf], axis=1))
 
     def _told(self, slopes: np.ndarray) -> np.ndarray:
         """By how much numbers with these derivatives [n, p] may be rounded: what no points show is not known to lie anywhere, and moves by
@@ -112,6 +119,22 @@ class MeasuredLeaves:
         slopes[:, first : first + coordinates.count] = coordinates.map[places]
         moved = np.array(_vertices(trial)) - np.array(_vertices(own))
         return bool((np.abs(moved).ravel() <= self._told(slopes) + EXACT).all())
+
+
+def _outline_moves(known: Measured) -> Iterator[tuple[int, int, bool, float]]:
+    """Of what the outline of a leaf tells in the place of its pose: the leaf, its axis, whether it is a turn about that, and the half-width
+    of its interval, of turns as a length at the bounding radius. The whole outline moves, and that all its walls show."""
+    for leaf, own, first in known.start.outlines:
+        places = np.array(_vertices(own.outline))
+        turned = KINDS[known.start.numbers.kinds[leaf]] == "revolve"
+        across = np.column_stack([-places[:, 1], places[:, 0]]) / known.start.radii[leaf]
+        moves = {5: np.eye(2)[1]} if turned else {3: np.eye(2)[0], 4: np.eye(2)[1], 8: across}
+        for number in set(moves) & {twice - 9 * leaf for twice in known.start.twice}:
+            wanted = np.zeros((len(places), 3))
+            wanted[:, :2] = moves[number]
+            way = np.zeros(known.start.count)
+            way[first : first + own.count] = np.linalg.lstsq(own.map, wanted.ravel(), rcond=None)[0]
+            yield leaf, (number - 3) % 3, number == 8, known.half_width_along(way)
 
 
 def _groups(matrix: np.ndarray, used: np.ndarray) -> Iterator[tuple[list[int], bool]]:
