@@ -112,7 +112,7 @@ def test_a_noisy_search_asks_what_a_policy_would_write_and_then_what_it_would_ad
     unit, frame = in_unit_frame(target_from(points))
     rng = np.random.default_rng(0)
     seen = observe(UnitBody.of(unit, rng), Settings().size_weight, rng)
-    found = frame.undo(most_likely([Primitive("sphere", (1.0,))], seen, NEVER, policy=Asked(bore=0.07), anew=False).program)
+    found = frame.undo(most_likely([Primitive("sphere", (1.0,))], seen, NEVER, policy=lambda: Asked(bore=0.07), anew=False).program)
     assert iou(found, truth) >= 0.97
     assert asked[0] is False
     assert asked[-1] is True

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.detection.mesh_noise import DEVIATION
 from imdim.geometry import kernels
 from imdim.geometry.axes import clearest_axes, find_shared_axes, main_axes
+from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import subsample
 from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
@@ -24,18 +24,17 @@ from imdim.program.paths import Path, leaf_paths, without
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 from imdim.reconstruction.observation import Observation, UnitBody
-from imdim.reconstruction.policy_beam import beam_programs, has_time_for_beam, next_parts, proposals
+from imdim.reconstruction.policy_beam import PolicyOf, beam_programs, has_time_for_beam, next_parts, proposals
 from imdim.relations.discover import discover
+from imdim.relations.residuals import rows_of
+from imdim.search.mdl.candidates.drawn import retrace
 from imdim.search.mdl.candidates.shell_slot import compounds
 from imdim.search.mdl.description_length import length_of
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
-from imdim.search.mdl.search import REFIT, best_by_mdl, shorten, tables_of_subsample
+from imdim.search.mdl.search import OWN, REFIT, best_by_mdl, shorten, tables_of_subsample
 from imdim.search.mdl.silhouettes import outlines
 from imdim.target.target import sample_surface
-
-if TYPE_CHECKING:
-    from imdim.learn.policy import Policy
 
 MOST_POINTS = 8192
 QUICK_POINTS = 4096
@@ -79,9 +78,10 @@ class NoisyFit:
 
 
 def reconstruct_unlabelled(
-    body: UnitBody, policy: Policy | None, choose_by: Deadline, fit_by: Deadline = NEVER, calm: bool = False, drawn: bool = False
+    body: UnitBody, policy: PolicyOf | None, choose_by: Deadline, fit_by: Deadline = NEVER, calm: bool = False, drawn: bool = False
 ) -> NoisyFit | None:
-    """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam; both in the unit frame.
+    """A program of a cloud of which detection cannot tell the inside, in the unit frame: of a noisy one as `most_likely` finds it, of a
+    calm one what a policy's beam comes to.
 
     None for a mesh and, unless `calm` ones are asked for too, a calm cloud, which then have no inside, and where nothing is left of the
     cloud. Time as for `most_likely`.
@@ -89,7 +89,8 @@ def reconstruct_unlabelled(
     points, noise = body.target.points, body.noise
     if body.target.mesh is not None or not (noise.blurs or calm):
         return None
-    found = [p.program for p in proposals(policy, points, noise.sigma, deadline=choose_by)]
+    first = policy() if policy is not None and not noise.blurs else None
+    found = [p.program for p in proposals(first, points, noise.sigma, deadline=choose_by)]
     if not found or not noise.blurs:
         return NoisyFit(found[0], (), choose_by.has_passed()) if found else None
     cloud = _NoisyCloud.of(points, noise.sigma, drawn=drawn, scanners=body.target.scanners)
@@ -119,14 +120,14 @@ def most_likely(
     choose_by: Deadline,
     fit_by: Deadline = NEVER,
     drawn: bool = False,
-    policy: Policy | None = None,
+    policy: PolicyOf | None = None,
     anew: bool = True,
 ) -> NoisyFit:
     """The program that tells a noisy cloud in the shortest description, with the relations that the points support.
 
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives. Outlines are among
-    them if they may be `drawn`. While time is left a `policy` is asked what it would add to the shortest, and leaves of it
-    are looked for `anew`. The search ends at `choose_by`,
+    them if they may be `drawn`. Where these searches leave time, leaves of the shortest are looked for `anew`, and in the end a `policy` is
+    asked what it would write and what it would add. The search ends at `choose_by`,
     and the numbers of its program are fitted until `fit_by` (by default to the end).
     """
     shared = find_shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
@@ -155,7 +156,7 @@ class _NoisyCloud:
     drawn: bool
     trifle: float = 0.0
     shadows: Shadows | None = None
-    policy: Policy | None = None
+    policy: PolicyOf | None = None
     anew: bool = True
 
     @staticmethod
@@ -195,6 +196,7 @@ class _NoisyCloud:
         draw_by = choose_by.ahead(DRAW_SHARE * choose_by.left())
         shown = outlines(self.points, self.axes, self.sigma, deadline=draw_by, drawn=self.drawn)
         found = self._best_drawn(distinct(shown.primitives, self._cloud)) if shown.primitives else []
+        found = self._best_drawn(distinct([*found, *self._retraced(found, draw_by)], self._cloud))
         seen = [*found, *compounds(found, self._cloud, self.sigma)]
         candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
         best, left_out = self._search(programs, candidates, choose_by)
@@ -210,21 +212,24 @@ class _NoisyCloud:
         kept = set(best_by_mdl(drawn, self._draws, self._noise, MOST_DRAWN)) if len(drawn) > MOST_DRAWN else set(drawn)
         return [p for p in found if p.outline is None or p in kept]
 
-    def _written(self, deadline: Deadline) -> list[Program]:
-        """What the policy writes, if there is one and time for it."""
-        if self.policy is None or not has_time_for_beam(deadline):
-            return []
-        return beam_programs(self.policy, self.points)
+    def _retraced(self, found: Sequence[Primitive], deadline: Deadline) -> Iterator[Primitive]:
+        """Outlines, each fitted as if it were all there is, drawn anew through the points beside it."""
+        for part in found:
+            if part.outline is None or deadline.has_passed():
+                continue
+            likely = maximise_likelihood(part, self.quick, self._noise, REFIT, deadline)
+            near = np.abs(kernels.program_sdf(likely.program, self.quick)) < OWN * self.sigma
+            if isinstance(likely.program, Primitive):
+                yield from retrace(likely.program, self.quick[near], self.sigma)
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
         """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
-        kind, from the best of `programs` with and without drawings and, where there is time for more, from the best of those that a policy
-        writes. What grows from one part is quick and stays short; of `programs`, which are long, the best is known at least where time is
-        out. What a policy wrote is offered to its own searches alone: with more to choose from the others would end elsewhere, and often
-        worse. In the end what the others found is offered to the best. Also whether there was no time for some of them.
+        kind, and from the best of `programs` with and without drawings. What grows from one part is quick and stays short; of `programs`,
+        which are long, the best is known at least where time is out. What the others found is offered to the best. Also
+        whether there was no time for some of them.
         """
         if deadline.has_passed() or not candidates:
-            return self._start([*self._written(deadline), *programs], deadline), deadline.has_passed()
+            return self._start(programs, deadline), deadline.has_passed()
         singles = [p for p in candidates if isinstance(p, Primitive)]
         plain = [p for p in candidates if all(leaf.outline is None for leaf in leaves(p))]
         # with what the others begin with each would become as they are
@@ -238,12 +243,6 @@ class _NoisyCloud:
         begun = sorted((self._lineage(s, offered, first) for s, offered in starts), key=lambda lineage: lineage.length)
         left = first.left()
         most = _count_with_time(left, begun[0].time_round(first))
-        left_out = most < len(begun) or (most == len(begun) and self.policy is not None)
-        if most > len(begun):
-            written = self._written(deadline)
-            told = [*candidates, *dict.fromkeys(leaf for p in written for leaf in leaves(p))]
-            likeliest = best_by_mdl([*dict.fromkeys(written)], self._draws, self._noise, LINEAGES) if written else []
-            begun.extend(self._lineage(self._first([p], first), told, first) for p in likeliest)
         found = self._in_turn(begun[:most], first)
         offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
         # where time has cut them, the longer of two may become the shorter yet
@@ -254,8 +253,10 @@ class _NoisyCloud:
         less = best.noise.sigma / BLURRED_SKINS
         best, calmer = (best, False) if self.trifle else self._in_less_noise(best, offered, deadline)
         cloud = replace(self, sigma=less) if calmer else self
-        best = cloud._ask(best, deadline)
-        return (cloud._rebuild_and_shorten(best, offered, deadline) if self.anew else best), left_out
+        best = cloud._rebuild_and_shorten(best, offered, deadline) if self.anew else best
+        left_out = most < len(begun) or (self.policy is not None and not has_time_for_beam(deadline))
+        asked = cloud._ask(best, offered, deadline)
+        return (cloud._rebuild_and_shorten(asked, offered, deadline) if self.anew and asked is not best else asked), left_out
 
     def _in_less_noise(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
         """What the search comes to from the best if there is less noise than it tells, where that is shorter, and whether there is.
@@ -307,16 +308,36 @@ class _NoisyCloud:
                 best, length, failed = lineage.best, lineage.length, 0
         return best
 
-    def _ask(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
-        """The best with what the policy would add to it, again and again until that is nothing of worth."""
+    def _ask(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The best, or what the search comes to from the likeliest that the policy writes, with what the policy would add to it, again and
+        again until that is nothing of worth. A policy and what it runs on take seconds to load."""
+        policy = self.policy() if self.policy is not None and has_time_for_beam(deadline) else None
+        if policy is None:
+            return best
+        best = self._read(beam_programs(policy, self.points), best, offered, deadline)
         for seed in range(MOST_ASKED):
-            if self.policy is None or deadline.left() < ASK_S:
+            if deadline.left() < ASK_S:
                 break
-            offered = distinct(next_parts(self.policy, self.points, best.program, seed), self._cloud)
-            found = [found for found, _ in self._shorten(best, offered, deadline)]
+            parts = distinct(next_parts(policy, self.points, best.program, seed), self._cloud)
+            found = [found for found, _ in self._shorten(best, parts, deadline)]
             if not found:
                 break
             best = found[-1]
+        return best
+
+    def _read(self, written: Sequence[Program], best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The best of what searches from the likeliest of the programs that are `written` come to while they promise more than `best`."""
+        if not written:
+            return best
+        told = [*offered, *dict.fromkeys(leaf for p in written for leaf in leaves(p))]
+        likeliest = best_by_mdl([*dict.fromkeys(written)], self._draws, self._noise, LINEAGES)
+        length = self._length(best)
+        for program in likeliest:
+            lineage = self._lineage(self._first([program], deadline), told, deadline)
+            while lineage.advance() and lineage.promised < length and (lineage.length > length - SAME or lineage.won > SLOW):
+                pass
+            if lineage.length < length - SAME:
+                best, length = lineage.best, lineage.length
         return best
 
     @staticmethod
@@ -443,6 +464,11 @@ def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadlin
     plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
     found = discover(plain, points, deadline)
     noise = likely.noise
-    after = expectation_step(points, SurfaceSamples.of(found.program, noise.sigma, CAREFUL.samples, noise.shadows), noise).nll
-    worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
-    return (found.program, found.constraints) if after < likely.nll + worth else (likely.program, ())
+
+    def nll_of(program: Program) -> float:
+        # the best round of a fit is the best of its samples too: both are told by new ones
+        return expectation_step(points, SurfaceSamples.of(program, noise.sigma, CAREFUL.samples, noise.shadows), noise).nll
+
+    held = np.linalg.matrix_rank(rows_of(found.constraints, lower(plain)).jacobian) if found.constraints else 0
+    worth = 0.5 * int(held) * math.log(len(points)) / len(points)
+    return (found.program, found.constraints) if nll_of(found.program) < nll_of(plain) + worth else (likely.program, ())

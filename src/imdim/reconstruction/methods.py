@@ -10,7 +10,6 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from manifold3d import Manifold
@@ -38,7 +37,7 @@ from imdim.reconstruction.evolution import evolve_observation, log_generations, 
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
 from imdim.reconstruction.plain_program import SAME, has_drawings, is_hardly_longer, is_plainer, may_be_plain, repeats_plainly
-from imdim.reconstruction.policy_beam import has_time_for_beam, misfit, proposals
+from imdim.reconstruction.policy_beam import PolicyOf, has_time_for_beam, misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import DEARER, Proofs
 from imdim.search.counterexamples import Sharpener, transfer
@@ -51,11 +50,6 @@ from imdim.search.outline_areas import draw_area
 from imdim.search.sequence import to_program
 from imdim.search.structure import StructureConfig
 from imdim.search.structure import search as search_structure
-
-if TYPE_CHECKING:
-    from imdim.learn.policy import Policy
-
-PolicyOf = Callable[[], "Policy | None"]
 
 CUT = "budget_spent"  # how a method ended that time has cut short
 TOUCHED = 1e-2  # of the volume; a search that leaves more is followed by a short evolution, which mends little that is smaller

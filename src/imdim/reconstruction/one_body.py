@@ -42,11 +42,11 @@ from imdim.reconstruction.config import Settings
 from imdim.reconstruction.edge_features import SetAside, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import fit_numbers, snap_measured
 from imdim.reconstruction.hole_ends import complete_holes
-from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, MethodStep, PolicyOf, Run, time_to_propose
+from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, MethodStep, Run, time_to_propose
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, find_solid, observe
 from imdim.reconstruction.own_frame import is_placed, turn_back
 from imdim.reconstruction.plain_program import is_hardly_longer
-from imdim.reconstruction.policy_beam import has_time_for_beam
+from imdim.reconstruction.policy_beam import PolicyOf
 from imdim.reconstruction.polygon_sides import complete_polygons
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.reconstruction.rounding import settle_origin, snap_numbers
@@ -199,7 +199,7 @@ def _guess(body: UnitBody, work: Work, share: float, cut: bool) -> tuple[MethodS
 
     asked = work.guesses and (work.settings.method == "policy" or time_to_propose(work.budget))
     likely = reconstruct_unlabelled(
-        body, work.policy() if asked else None, *_times(work.budget, share), calm=cut, drawn=work.settings.language == "cad"
+        body, work.policy if asked else None, *_times(work.budget, share), calm=cut, drawn=work.settings.language == "cad"
     )
     if likely is None:
         return None
@@ -222,10 +222,8 @@ def _solve(
     from imdim.reconstruction.mdl import most_likely
 
     drawn = settings.language == "cad"
-    # torch takes seconds to load
-    asked = has_time_for_beam(choose_by)
-    likely = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn, policy() if asked else None, settings.evolution)
-    return replace(step, stage="solve", program=likely.program, proof="").cut_if(likely.cut or not asked), likely.constraints
+    likely = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn, policy, settings.evolution)
+    return replace(step, stage="solve", program=likely.program, proof="").cut_if(likely.cut), likely.constraints
 
 
 def _finish_state(last: BodyState, others: Sequence[Program], seen: Observation, frame: Frame, budget: Budget) -> BodyState:

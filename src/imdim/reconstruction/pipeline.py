@@ -27,10 +27,10 @@ from imdim.reconstruction.choices import thin_front
 from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_choices, lacking, require_extra
 from imdim.reconstruction.edge_features import describe_kept, find_edge_features
 from imdim.reconstruction.fitting import find_relations
-from imdim.reconstruction.methods import CUT, METHODS, PolicyOf, evolve_from
+from imdim.reconstruction.methods import CUT, METHODS, evolve_from
 from imdim.reconstruction.one_body import GUESSING, Work, fit_body, shows_edges
 from imdim.reconstruction.own_frame import find_own_frame
-from imdim.reconstruction.policy_beam import load, load_if_any
+from imdim.reconstruction.policy_beam import PolicyOf, load, load_if_any
 from imdim.reconstruction.several_bodies import fit_bodies
 from imdim.reconstruction.stand_ins import take_off_stand_ins
 from imdim.search.evolve.population import EvolutionConfig

@@ -6,7 +6,7 @@ and handed with the cloud to the solver of imperfect sequences. torch is only im
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from imdim.learn.decode import DecodeConfig
     from imdim.learn.policy import Policy
 
+PolicyOf = Callable[[], "Policy | None"]  # loads a policy when it is first asked for
 ASKED, SHOWN = 64, 256  # draws of a policy, and points of a program's surface that it sees
 PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 MEASURED = 4096  # points each way of a misfit

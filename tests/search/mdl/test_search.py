@@ -22,7 +22,7 @@ from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.description_length import SKIN, description_length, length_of, numbers
 from imdim.search.mdl.local_search import own_moves, uses
 from imdim.search.mdl.part_tables import PartTableCache
-from imdim.search.mdl.search import _few_of_each, _in_place_of, _is_near, _shortest, best_by_mdl, shorten
+from imdim.search.mdl.search import _few_of_each, _in_place_of, _is_near, _leave_twins, _shortest, best_by_mdl, shorten
 from imdim.search.mdl.silhouettes import outlines
 
 PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
@@ -299,3 +299,46 @@ def test_parts_are_near_where_all_that_they_are_drawn_by_is():
     assert _is_near(cylinder(4, 20), cylinder(4.1, 20), 0.2)
     assert not _is_near(cylinder(4, 20), box(4, 20, 4), 0.2)
     assert not _is_near(Primitive("box", (9.0, 9.0, 40.0)), Primitive("box", (9.0, 9.0, 40.0), rotation=(0.0, 3.0, 0.0)), 0.2)
+
+
+def test_what_a_part_would_be_exchanged_for_is_another_part():
+    """Of 16 changes that are fitted 14 put cylinders in the place of ones that they were fitted to again."""
+    plate, bore = box(40, 30, 6), cylinder(3, 40, (-12.0, 0.0, 0.0))
+    nearly, other, alike = (
+        cylinder(3.3, 40.5, (-12.0, 0.4, 0.0)),
+        cylinder(6, 40, (-12.0, 0.0, 0.0)),
+        cylinder(6.1, 40.2, (-12.0, 0.1, 0.0)),
+    )
+    parts, start = [plate, bore, nearly, other, alike], (Step("union", 0), Step("difference", 1))
+
+    def left(*choices):
+        return [*_leave_twins(choices, parts, start, 0.4)]
+
+    instead = [(start[0], Step("difference", i)) for i in (2, 3, 4)]
+    assert left(*instead) == instead[1:2]
+    added = [(*start, Step("difference", i)) for i in (2, 3, 4)]
+    assert left(*added) == added[:2]
+    turned = (start[0], Step("union", 2))
+    assert left(turned, start[:1]) == [turned, start[:1]]
+
+
+def test_an_outline_that_a_search_begins_with_is_drawn_anew():
+    profile = Outline((((0, -20, 0), (18, -20, 0), (18, -5, 0), (7, 5, 0), (7, 20, 0), (0, 20, 0)),))
+    bumps = (
+        (0, -20, 0),
+        (18, -20, 0),
+        (18, -15, 0),
+        (19.5, -13, 0.3),
+        (18, -11, 0),
+        (18, -5, 0),
+        (12, 1, 0),
+        (7, 5, 0),
+        (7, 20, 0),
+        (0, 20, 0),
+    )
+    truth, begun = (Primitive("revolve", (360.0,), outline=o) for o in (profile, Outline((bumps,))))
+    points = cloud(truth, n=3000, sigma=0.2)
+    found = settled(begun, points, 0.2).program
+    assert isinstance(found, Primitive)
+    assert found.outline is not None
+    assert found.outline.curve_count <= 6

@@ -92,8 +92,10 @@ def test_a_thin_elliptic_tube_is_drawn_from_end_to_end():
     tube = Primitive("extrude", (80.0,), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), ring)
     found = [p for p in outlines(cloud(tube), np.eye(3), SIGMA, drawn=True).primitives if p.outline and len(p.outline.loops) == 2]
     assert found
-    assert volume_iou(to_manifold(found[0]), to_manifold(tube)) > 0.8
-    assert all(isinstance(loop, Ellipse) for loop in found[0].outline.loops)
+    nearest = max(found, key=lambda p: volume_iou(to_manifold(p), to_manifold(tube)))
+    assert volume_iou(to_manifold(nearest), to_manifold(tube)) > 0.8
+    assert nearest.outline
+    assert all(isinstance(loop, Ellipse) for loop in nearest.outline.loops)
 
 
 def test_a_loop_that_bounds_nothing_is_dearer_than_any_ellipse():

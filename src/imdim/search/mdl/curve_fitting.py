@@ -1,6 +1,6 @@
 """Lines and arcs for the points along a border: the cheapest row of them, by dynamic programming over the places where one may end.
 
-What a line or an arc leaves of its points is known from sums of powers of their coordinates (Kasa 1976 for the circle), so that all
+What a line or an arc leaves of its points is known from sums of powers of their coordinates (Taubin 1991 for the circle), so that all
 pairs of places can be looked at. Neighbours meet where their carriers cross; lines that
 the points cannot tell from ones along x or y are made so.
 """
@@ -29,7 +29,9 @@ OWN = 4.0  # deviations of the noise, within which a border has its points
 FAINT = 0.02  # points that a place without any counts for, so that curves go on through gaps
 PRICE = 1.5  # times what a number costs by the description length
 SAGITTA = 3.0  # deviations of the noise by which an arc leaves its chord
-MOST_TURN = 3.6  # radians of one arc
+MOST_TURN = 5.5  # radians of one arc
+OPEN = 5.9  # radians of a circle with a gap: what seems to turn by more runs back a little
+HALVED = 3.6  # radians of an arc, beyond which it is drawn in two halves
 LEVEL = 1.2  # deviations of the noise by which the ends of a line may leave x or y
 SLANTED = 12.0  # times half the logarithm of the number of points: what a slant must tell them better, since strays at corners tilt lines
 ALIKE = 0.12  # sine of the angle below which two lines do not cross where they meet
@@ -37,6 +39,8 @@ ASTRAY = 10.0  # deviations of the noise that a corner may lie off the border
 LEAST = 3.0  # deviations of the noise, the side of the smallest loop
 FEWEST_ARCS = 4  # curves that an ellipse may take the place of
 CONIC = 5  # numbers of an ellipse
+BENDING = 12.0  # deviations of the noise, the length of an arc that is told from a blurred corner
+NEWTON = 20  # steps, of which two or three are taken
 SMOOTHED = 2  # corners of a border to either side
 
 
@@ -190,7 +194,7 @@ def _fit_ring(places: np.ndarray, sums: np.ndarray, sigma: float, price: float, 
     if left / (2 * sigma**2) + 3 * price < cost and radius > LEAST * sigma / 2:
         return list(circle(radius, x, y))
     bounds = [0, *ends.tolist()]
-    carriers = [_carry(places, sums, i, j, sigma, most_turn) for i, j in pairwise(bounds)]
+    carriers = _carry_all(places, sums, bounds, sigma, price, most_turn)
     if len(carriers) < 2:
         return []
     corners = [_meet(carriers[i - 1], carriers[i], places[bounds[i]], sigma) for i in range(len(carriers))]
@@ -201,7 +205,7 @@ def _fit_chain(places: np.ndarray, sums: np.ndarray, sigma: float, price: float,
     """The vertices of a chain from the axis and back to it."""
     ends, _ = _split(np.vstack([places, places[-1:]]), sums, sigma, price, most_turn, SAGITTA)
     bounds = [0, *ends.tolist()]
-    carriers = [_carry(places, sums, i, j, sigma, most_turn) for i, j in pairwise(bounds)]
+    carriers = _carry_all(places, sums, bounds, sigma, price, most_turn)
     axis = _Line(np.zeros(2), np.array([0.0, 1.0]), 0)
     corners = [[_onto_axis(axis, carriers[0], places[0], sigma)]]
     corners += [_meet(carriers[i - 1], carriers[i], places[bounds[i]], sigma) for i in range(1, len(carriers))]
@@ -214,8 +218,26 @@ def _join(carriers: Sequence[_Carrier], corners: Sequence[list[tuple[float, floa
     vertices: list[Vertex] = []
     for carrier, (here, there) in zip(carriers, pairwise(corners), strict=True):
         vertices += [(*place, 0.0) for place in here[:-1]]
-        vertices.append((*here[-1], _bulge(carrier, here[-1], there[0])))
+        vertices += _draw(carrier, here[-1], there[0])
     return vertices
+
+
+def _carry_all(places: np.ndarray, sums: np.ndarray, bounds: Sequence[int], sigma: float, price: float, most_turn: float) -> list[_Carrier]:
+    """The carriers of the places between `bounds`; neighbouring arcs that one circle tells as cheaply have it in common."""
+    carriers = [_carry(places, sums, i, j, sigma, most_turn) for i, j in pairwise(bounds)]
+    totals = [sums[i:j].sum(0) for i, j in pairwise(bounds)]
+    for i, carrier in enumerate(carriers):
+        before = carriers[i - 1]
+        if i == 0 or not isinstance(carrier, _Arc) or not isinstance(before, _Arc) or before.sign != carrier.sign:
+            continue
+        both = totals[i - 1] + totals[i]
+        _, left, x, y, radius = _carrier_of(both, 1)
+        apart = _carrier_of(totals[i - 1], 1)[1] + _carrier_of(totals[i], 1)[1]
+        if left - apart < 2 * sigma**2 * 3 * price:
+            shared = _Arc(np.array([x, y]), radius, carrier.sign)
+            carriers = [shared if c is before or k == i else c for k, c in enumerate(carriers)]
+            totals[i] = both
+    return carriers
 
 
 def _carry(places: np.ndarray, sums: np.ndarray, first: int, last: int, sigma: float, most_turn: float) -> _Carrier:
@@ -301,12 +323,20 @@ def _cross(a: _Carrier, b: _Carrier) -> list[np.ndarray]:
     return [a.center + along * to / d - aside, a.center + along * to / d + aside]
 
 
-def _bulge(carrier: _Carrier, start: tuple[float, float], end: tuple[float, float]) -> float:
+def _draw(carrier: _Carrier, start: tuple[float, float], end: tuple[float, float]) -> list[Vertex]:
+    """The curve from the start along a carrier, in two halves where it turns by more than HALVED, and straight where hardly anything is
+    left of the circle."""
     if isinstance(carrier, _Line):
-        return 0.0
+        return [(*start, 0.0)]
     a, b = (math.atan2(y - carrier.center[1], x - carrier.center[0]) for x, y in (start, end))
     turn = (carrier.sign * (b - a)) % (2 * math.pi)
-    return carrier.sign * math.tan(turn / 4) if turn < MOST_TURN else 0.0
+    if turn < HALVED:
+        return [(*start, carrier.sign * math.tan(turn / 4))]
+    if turn > OPEN:
+        return [(*start, 0.0)]
+    middle, bulge = a + carrier.sign * turn / 2, carrier.sign * math.tan(turn / 8)
+    x, y = carrier.center + carrier.radius * np.array([math.cos(middle), math.sin(middle)])
+    return [(*start, bulge), (float(x), float(y), bulge)]
 
 
 def _drop_short(vertices: list[Vertex]) -> list[Vertex]:
@@ -331,13 +361,36 @@ def _carrier_of(total, kind):  # pragma: no cover - compiled
     yz = total[7] - 2 * (mx * total[4] + my * total[5]) + mm * total[2] - my * z
     zz = total[8] - 4 * (mx * total[6] + my * total[7]) + 2 * mm * (total[3] + total[5])
     zz += 4 * (mx * mx * total[3] + 2 * mx * my * total[4] + my * my * total[5]) - 4 * mm * (mx * total[1] + my * total[2]) + n * mm * mm
-    det = xx * yy - xy * xy
-    if det <= 1e-12 * (xx + yy) ** 2:
+    a, b = _center_of(xx / n, xy / n, yy / n, xz / n, yz / n, zz / n)
+    if not (a * a + b * b < np.inf):
         return 1.0, np.inf, mx, my, 0.0
-    a, b = (xz * yy - yz * xy) / det / 2, (yz * xx - xz * xy) / det / 2
     radius = math.sqrt(z / n + a * a + b * b)
-    left = zz - z * z / n - 2 * a * xz - 2 * b * yz
+    left = zz - z * z / n - 4 * (a * xz + b * yz) + 4 * (a * a * xx + 2 * a * b * xy + b * b * yy)
     return 1.0, max(left, 0.0) / max(4 * radius * radius, 1e-300), mx + a, my + b, radius
+
+
+@njit(cache=True)
+def _center_of(xx, xy, yy, xz, yz, zz):  # pragma: no cover - compiled
+    """The centre of the circle through points about their mean, by the means of products of x, y and z = x^2 + y^2 (Taubin 1991, by
+    Newton's method as Chernov 2010, section 5.9): the one of Kasa is far too small for an arc that leaves its chord by a few deviations.
+    Not finite where they lie on a line."""
+    z, area = xx + yy, xx * yy - xy * xy
+    spread = zz - z * z
+    # the least root of c + root (d + root (e + 4 z root)), to which the method falls from nothing
+    c = xz * (xz * yy - yz * xy) + yz * (yz * xx - xz * xy) - spread * area
+    d, e = spread * z + 4 * area * z - xz * xz - yz * yz, -3 * z * z - zz
+    root, value = 0.0, c
+    for _ in range(NEWTON):
+        slope = d + root * (2 * e + 12 * z * root)
+        after = root - value / slope if slope != 0 else root
+        left = c + after * (d + after * (e + 4 * z * after))
+        if after == root or not abs(left) < abs(value):
+            break
+        root, value = after, left
+    det = root * root - root * z + area
+    if abs(det) <= 1e-12 * z * z:
+        return np.inf, np.inf
+    return (xz * (yy - root) - yz * xy) / det / 2, (yz * (xx - root) - xz * xy) / det / 2
 
 
 @njit(cache=True)
@@ -357,7 +410,7 @@ def _choose(total, ux, uy, price, sigma, most_turn, sagitta):  # pragma: no cove
         half = math.asin(min(chord / (2 * radius), 1.0))
         if (x - cx) ** 2 + (y - cy) ** 2 < (0.6366 * radius) ** 2:
             half = math.pi - half
-        if radius * (1 - math.cos(half)) > sagitta * sigma and 2 * half < most_turn:
+        if radius * (1 - math.cos(half)) > sagitta * sigma and 2 * half < most_turn and 2 * half * radius > BENDING * sigma:
             round_cost = bent / (2 * sigma * sigma) + 3 * price
             if round_cost < cost:
                 return round_cost, 1.0, cx, cy, radius, 0.0

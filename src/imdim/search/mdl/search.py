@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from imdim.deadline import Deadline
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import subsample
@@ -32,7 +32,7 @@ from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
 from imdim.program.tree import Combine, Op, Primitive, Program, leaves, map_leaves
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
-from imdim.search.mdl.candidates.drawn import redraw
+from imdim.search.mdl.candidates.drawn import redraw, retrace
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
@@ -90,7 +90,7 @@ def shorten(
         return
     draws = draws or tables_of_subsample(points, likely.noise.shadows)
     told = sigma or likely.noise.sigma
-    changes = _Changes(Cloud.of(points, told), draws, candidates, axes, stand_for or len(points), steps, filling)
+    changes = _Changes(Cloud.of(points, told), draws, candidates, axes, stand_for or len(points), steps, filling, deadline)
 
     def fit(points: np.ndarray, config: EMConfig, most: float = math.inf) -> Callable[[_Trial], list[_Trial]]:
         return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, _limit(trial.likely.noise, most), config, deadline))]
@@ -223,7 +223,9 @@ class _Changes:
     count: int
     steps: bool
     filling: bool = False
+    deadline: Deadline = NEVER
     _known: _Guesses = field(default_factory=lambda: _Guesses([]))
+    _drawn_anew: list[Primitive] = field(default_factory=list)
 
     def promising(self, found: _Trial) -> list[_Trial]:
         """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps."""
@@ -231,11 +233,17 @@ class _Changes:
         steps = to_sequence(best.program, apart=True)
         if len(steps) > LONGEST:
             return []
-        spans = self._spans(best, steps)
+        spans, retraced = self._spans(best, steps), self._retraced(best, steps)
         offered = [*self._guesses(best, steps), *self.candidates]
         offered = self._fillings(best, offered) if self.filling else offered
         compound = [p for p in offered if isinstance(p, Combine)]
-        others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps), *spans]
+        others = [
+            *distinct([p for p in offered if isinstance(p, Primitive)], self.cloud),
+            *compound,
+            *_drop_leaves(steps),
+            *retraced,
+            *spans,
+        ]
         scene = PointScene(self.draws, _limit(best.noise, self.cloud.noise), self.count)
         mixture = BatchedLikelihood.of(scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
@@ -245,10 +253,17 @@ class _Changes:
         walls = {i for i, part in enumerate(mixture.parts) if isinstance(part, Combine) and part.op == "difference"}
         moves = [*own_moves(start), *(c for c in new if all(s.positive or s.term not in walls for s in c))]
         moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
+        begin = len(mixture.parts) - len(spans) - len(retraced)
+        anew = [(*start[:at], Step(start[at].op, term), *start[at + 1 :]) for term, at in enumerate(retraced.values(), begin)]
         lengths = mixture.lengths([start, *moves])
         better = [moves[i - 1] for i in _shortest(lengths) if lengths[i] < lengths[0] + SLACK]
-        kept = itertools.islice(_few_of_each(better, len(start)), TRIED)
-        return [self._trial(best, choice, mixture.parts, start) for choice in kept]
+        kept = itertools.islice(_few_of_each(_leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)
+        # what is drawn anew may lie a little off everywhere: only fits tell its worth
+        drawn = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
+        return [*drawn, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
+
+    def _fit(self, noise: Noise) -> Callable[[Program], FittedProgram]:
+        return lambda program: maximise_likelihood(program, self.cloud.points, noise, REFIT, self.deadline)
 
     def _fillings(self, best: FittedProgram, parts: list[Program]) -> list[Program]:
         """The parts by whose surfaces the most of the points lie that are badly explained."""
@@ -285,6 +300,20 @@ class _Changes:
                 if isinstance(other, Primitive) and (both := span(part, other, ALIKE * best.noise.sigma)) is not None:
                     out.setdefault(both, []).append((i, j))
         return out
+
+    def _retraced(self, best: FittedProgram, steps: SignedSequence[Program]) -> dict[Primitive, int]:
+        """Steps with outlines drawn anew through the points that they explain, and where they stand; none of an outline that has hardly
+        moved since it was tried."""
+        points, sigma = self.cloud.points, best.noise.sigma
+        outlines = [(i, part) for i, (_, part) in enumerate(steps) if isinstance(part, Primitive) and part.outline is not None]
+        drawn = [(i, part) for i, part in outlines if not any(_is_near(part, old, STILL * sigma) for old in self._drawn_anew)]
+        if not drawn:
+            return {}
+        self._drawn_anew.extend(part for _, part in drawn)
+        leaf, value, _, _ = kernels.program_tangent(best.program, points)
+        firsts = np.cumsum([0, *(count(part).primitives for _, part in steps)])
+        near = np.abs(value) < OWN * sigma
+        return {new: i for i, part in drawn for new in retrace(part, points[near & (leaf == firsts[i])], sigma)}
 
     def _guesses(self, best: FittedProgram, steps: SignedSequence[Program]) -> list[Program]:
         """What might be missing, and other shapes for the points of each primitive of the sequence."""
@@ -324,6 +353,30 @@ def _few_of_each(choices: Iterable[Choice], settled: int) -> Iterator[Choice]:
         if all(used[term] < MOST_USES for term in new):
             used.update(new)
             yield choice
+
+
+def _leave_twins(choices: Iterable[Choice], parts: Sequence[Program], start: Choice, sigma: float) -> Iterator[Choice]:
+    """The choices without those that put a part in the place of one that it hardly differs from, and without those that do what one before
+    them did with a part that hardly differs: their numbers would be fitted to the same end."""
+    kept: list[tuple[Op, int, Primitive]] = []
+    settled = {step.term: step for step in start}
+    for choice in choices:
+        terms = {step.term for step in choice}
+        new = [(at, step) for at, step in enumerate(choice) if step.term not in settled]
+        part = parts[new[0][1].term] if len(new) == 1 else None
+        if not isinstance(part, Primitive):
+            yield choice
+            continue
+        (at, (op, _)), gone = new[0], [term for term in settled if term not in terms]
+        place = gone[0] if len(gone) == 1 else None if gone else -1 - at
+        if place is not None:
+            old = parts[place] if place >= 0 else None
+            if isinstance(old, Primitive) and settled[place].op == op and _is_near(part, old, TWIN * sigma):
+                continue
+            if any(did == op and where == place and _is_near(part, twin, sigma) for did, where, twin in kept):
+                continue
+            kept.append((op, place, part))
+        yield choice
 
 
 def _in_place_of(pairs: Sequence[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:

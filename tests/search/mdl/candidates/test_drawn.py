@@ -1,5 +1,7 @@
 """Outlines proposed from noisy points: turned and extruded solids come back, and plainer ones are offered."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive
-from imdim.search.mdl.candidates.drawn import redraw, trace_extruded_outlines, trace_turned_outlines
+from imdim.search.mdl.candidates.drawn import redraw, retrace, trace_extruded_outlines, trace_turned_outlines
 
 NOZZLE = Primitive(
     "revolve",
@@ -89,3 +91,47 @@ def test_a_rectangle_becomes_a_box():
     five = Outline((((0, 0, 0), (10, 0, 0), (10, 5, 0), (10, 8, 0), (0, 8, 0)),))
     boxes = [p for p in redraw(Primitive("extrude", (4.0,), outline=five)) if p.kind == "box"]
     assert boxes[0].size == pytest.approx((10, 8, 4))
+
+
+def test_an_outline_is_drawn_anew_through_its_own_points_in_one_go():
+    """One vertex fewer a round is too slow where a bump of another part's points takes four."""
+    points = cloud(NOZZLE, 0.3)
+    bumpy = (
+        (0, -20, 0),
+        (18, -20.3, 0),
+        (18.2, -15, 0),
+        (19.5, -13, 0.3),
+        (18.1, -11, 0),
+        (17.8, -5.5, 0),
+        (7.4, 5, 0),
+        (7, 20, 0),
+        (0, 20.2, 0),
+    )
+    found = [*retrace(replace(NOZZLE, outline=Outline((bumpy,))), points, 0.3)]
+    assert any(p.outline is not None and p.outline.curve_count <= 6 and best_iou([p], NOZZLE) > 0.99 for p in found)
+
+
+def test_an_extruded_outline_is_drawn_anew_with_its_hole_and_corners_that_nothing_shows():
+    sigma, points = 0.3, cloud(ANGLE, 0.3)
+    hidden = (points[:, 0] < -24) & (points[:, 1] < -14)
+    cut_off = ((-26, -20, 0), (30, -20, 0), (30, -8, 0), (-18, -8, 0), (-18, 20, 0), (-30, 20, 0), (-30, -16, 0))
+    found = [*retrace(replace(ANGLE, outline=Outline((cut_off, circle(3.5, 20, -14)))), points[~hidden], sigma)]
+    assert any(len(p.outline.loops) == 2 and len(p.outline.loops[0]) == 6 for p in found if p.outline)
+    assert best_iou(found, ANGLE) > 0.97
+
+
+def test_a_wall_that_bulges_by_a_few_deviations_of_the_noise_is_one_arc_or_drawn_plainly():
+    """By Kasa's circle, of two thirds of its radius, no arc was cheaper than five lines."""
+    bulging = Primitive("revolve", (360.0,), outline=Outline((((10, -15, 0.05), (10, 15, 0), (4, 15, 0), (4, -15, 0)),)))
+    finely, plainly = retrace(bulging, cloud(bulging, 0.15), 0.15)
+    for drawn, bent in ((finely, 0.05), (plainly, 0.0)):
+        assert drawn.outline is not None
+        longest = max(drawn.outline.rings[0], key=lambda v: abs(v[2]) if abs(v[2]) < 0.2 else 0.0)
+        assert longest[2] == pytest.approx(bent, abs=0.01)
+
+
+def test_nothing_is_drawn_anew_without_an_outline_points_or_a_whole_turn():
+    points = cloud(NOZZLE, 0.3)
+    assert not [*retrace(Primitive("box", (4.0, 5.0, 6.0)), points, 0.3)]
+    assert not [*retrace(NOZZLE, points[:100], 0.3)]
+    assert not [*retrace(replace(NOZZLE, size=(180.0,)), points, 0.3)]

@@ -18,11 +18,11 @@ from scipy import ndimage
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Outlines
-from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
+from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.geometry.surface import vec
 from imdim.numbers.outline_coordinates import center_leaf
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, Outline, Ring, check_crossings, loop_area
+from imdim.program.outline import Loop, Outline, Ring, check_crossings, flatten_loop, loop_area
 from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.mdl.curve_fitting import fit_outline
@@ -36,6 +36,8 @@ MOST_LEVELS = 6  # of which all pairs are looked at
 BORNE = 0.5  # share of an outline's points, and of the points meant, that must be near one another
 NEAR = 2.5  # deviations of the noise
 MOST_REDRAWN = 6
+SEGMENTS = 96  # of a circle that is walked along
+BULGING = (1.0, 2.0)  # deviations of the noise by which points lie off a wall that is drawn anew
 
 
 def trace_turned_outlines(points: np.ndarray, axes: np.ndarray, k: int, centers: Iterable[np.ndarray], sigma: float) -> Iterator[Primitive]:
@@ -95,6 +97,33 @@ def redraw(leaf: Primitive) -> Iterator[Primitive]:
             yield simplest(replace(leaf, outline=outline))
         except ValueError:
             continue
+
+
+def retrace(leaf: Primitive, points: np.ndarray, sigma: float) -> Iterator[Primitive]:
+    """The leaf with its outline drawn anew through the `points` [n, 3] that it explains: the cheapest row of curves along it, and that
+    along walls which bulge by more than the noise. Where it was first traced, points of other faces lay beside its own."""
+    turned = leaf.kind == "revolve"
+    if leaf.outline is None or (turned and leaf.size[0] != FULL_TURN):
+        return
+    local = (points - leaf.center) @ matrix_from_euler(leaf.rotation)
+    if turned:
+        plane = np.column_stack([np.hypot(local[:, 0], local[:, 1]), local[:, 2]])
+    else:
+        plane = local[np.abs(np.abs(local[:, 2]) - leaf.size[0] / 2) > BESIDE * sigma, :2]
+    if len(plane) < FEWEST:
+        return
+    borders = [_walk(loop, sigma / 2) for loop in leaf.outline.loops]
+    fitted = (fit_outline(borders, sigma, plane, by * sigma, turned) for by in BULGING)
+    yield from (simplest(replace(leaf, outline=outline)) for outline in dict.fromkeys(fitted) if outline not in (None, leaf.outline))
+
+
+def _walk(loop: Loop, step: float) -> np.ndarray:
+    """Places [m, 2] along a loop, about a `step` apart."""
+    corners = np.array(flatten_loop(loop, SEGMENTS))
+    ring = np.vstack([corners, corners[:1]])
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(ring, axis=0).T))])
+    at = np.arange(0.0, length[-1], step)
+    return np.column_stack([np.interp(at, length, ring[:, c]) for c in (0, 1)])
 
 
 def _plainer(loop: Loop) -> Iterator[tuple[float, Loop]]:
