@@ -78,10 +78,16 @@ class NoisyFit:
 
 
 def reconstruct_unlabelled(
-    body: UnitBody, policy: PolicyOf | None, choose_by: Deadline, fit_by: Deadline = NEVER, calm: bool = False, drawn: bool = False
+    body: UnitBody,
+    policy: PolicyOf | None,
+    choose_by: Deadline,
+    fit_by: Deadline = NEVER,
+    calm: bool = False,
+    drawn: bool = False,
+    written: bool = False,
 ) -> NoisyFit | None:
-    """A program of a cloud of which detection cannot tell the inside, in the unit frame: of a noisy one as `most_likely` finds it, of a
-    calm one what a policy's beam comes to.
+    """A program of a cloud of which detection cannot tell the inside, in the unit frame: of a noisy one as `most_likely` finds it, from
+    what a policy has `written` if that is asked for, of a calm one what a policy's beam comes to.
 
     None for a mesh and, unless `calm` ones are asked for too, a calm cloud, which then have no inside, and where nothing is left of the
     cloud. Time as for `most_likely`.
@@ -89,7 +95,7 @@ def reconstruct_unlabelled(
     points, noise = body.target.points, body.noise
     if body.target.mesh is not None or not (noise.blurs or calm):
         return None
-    first = policy() if policy is not None and not noise.blurs else None
+    first = policy() if policy is not None and (written or not noise.blurs) else None
     found = [p.program for p in proposals(first, points, noise.sigma, deadline=choose_by)]
     if not found or not noise.blurs:
         return NoisyFit(found[0], (), choose_by.has_passed()) if found else None
@@ -225,8 +231,8 @@ class _NoisyCloud:
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
         """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
         kind, and from the best of `programs` with and without drawings. What grows from one part is quick and stays short; of `programs`,
-        which are long, the best is known at least where time is out. What the others found is offered to the best. Also
-        whether there was no time for some of them.
+        which are long, the best is known at least where time is out. What the others found is offered to the best. Also whether there was
+        no time for some of them.
         """
         if deadline.has_passed() or not candidates:
             return self._start(programs, deadline), deadline.has_passed()

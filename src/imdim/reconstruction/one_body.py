@@ -197,10 +197,10 @@ def _guess(body: UnitBody, work: Work, share: float, cut: bool) -> tuple[MethodS
         return None
     from imdim.reconstruction.mdl import reconstruct_unlabelled
 
-    asked = work.guesses and (work.settings.method == "policy" or time_to_propose(work.budget))
-    likely = reconstruct_unlabelled(
-        body, work.policy if asked else None, *_times(work.budget, share), calm=cut, drawn=work.settings.language == "cad"
-    )
+    insists = work.settings.method == "policy"
+    asked = work.guesses and (insists or time_to_propose(work.budget))
+    drawn, times = work.settings.language == "cad", _times(work.budget, share)
+    likely = reconstruct_unlabelled(body, work.policy if asked else None, *times, calm=cut, drawn=drawn, written=insists)
     if likely is None:
         return None
     step = MethodStep("policy", likely.program, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE)

@@ -36,7 +36,7 @@ MOST_LEVELS = 6  # of which all pairs are looked at
 BORNE = 0.5  # share of an outline's points, and of the points meant, that must be near one another
 NEAR = 2.5  # deviations of the noise
 MOST_REDRAWN = 6
-SEGMENTS = 96  # of a circle that is walked along
+SEGMENTS, MOST_WALKED = 96, 4096  # of a circle that is walked along, and places on the walk
 BULGING = (1.0, 2.0)  # deviations of the noise by which points lie off a wall that is drawn anew
 
 
@@ -118,11 +118,11 @@ def retrace(leaf: Primitive, points: np.ndarray, sigma: float) -> Iterator[Primi
 
 
 def _walk(loop: Loop, step: float) -> np.ndarray:
-    """Places [m, 2] along a loop, about a `step` apart."""
+    """Places [m, 2] along a loop, a `step` apart, at most MOST_WALKED."""
     corners = np.array(flatten_loop(loop, SEGMENTS))
     ring = np.vstack([corners, corners[:1]])
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(ring, axis=0).T))])
-    at = np.arange(0.0, length[-1], step)
+    at = np.arange(0.0, length[-1], max(step, float(length[-1]) / MOST_WALKED))
     return np.column_stack([np.interp(at, length, ring[:, c]) for c in (0, 1)])
 
 
