@@ -12,7 +12,7 @@ from tests.known_programs import KNOWN
 
 from imdim.export import step_booleans, step_worker
 from imdim.export.placed_edges import PlacedEdges
-from imdim.export.step import StepError, read_step, step_volume, to_shape, write_step
+from imdim.export.step import StepError, read_step, shape_volume, step_volume, to_shape, write_step
 from imdim.export.step_booleans import ocp
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.solid import volume
@@ -304,3 +304,27 @@ def test_a_shape_that_does_not_survive_the_file_is_made_in_another_way():
     assert len(tried) == 3
     with pytest.raises(StepError, match="not valid once it is read back"):
         to_shape(MEANT["bracket"][0], survives=lambda _: False)
+
+
+def test_where_what_was_joined_cannot_be_intersected_its_parts_are(monkeypatch):
+    """A plate of 69 curves in a rounded frame: every way of cutting it with the frame was invalid, and none of cutting its parts."""
+    plain, tried = step_booleans.boolean, []
+
+    def fragile(name, keep, tools, fuzzy=0.0):
+        explorer = ocp("TopExp").TopExp_Explorer(keep[0], ocp("TopAbs").TopAbs_ShapeEnum.TopAbs_FACE)
+        faces = 0
+        while explorer.More():
+            faces += 1
+            explorer.Next()
+        if name == "Common" and faces > 6:
+            tried.append(faces)
+            raise StepError("lost")
+        return plain(name, keep, tools, fuzzy)
+
+    monkeypatch.setattr(step_booleans, "boolean", fragile)
+    post, foot = Primitive("box", (1.0, 1.0, 4.0)), Primitive("box", (6.0, 4.0, 1.0), (0.0, 0.0, -1.5))
+    hole = Primitive("cylinder", (0.3, 9.0), (2.0, 0.0, 0.0))
+    whole = Combine("intersection", Combine("difference", Combine("union", foot, post), hole), Primitive("sphere", (2.9,)))
+    assert step_booleans.solids_in(shape := to_shape(whole)) == 1
+    assert tried
+    assert shape_volume(shape, 1e-6) == pytest.approx(volume(whole), rel=2e-3)

@@ -20,6 +20,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.solid import COMBINE, SEGMENTS, draw_section, primitive_to_manifold
 from imdim.program.nary import fold_nary
 from imdim.program.outline import Outline
+from imdim.program.rewrite.spread import spread_intersections
 from imdim.program.tree import OPS, Op, Primitive, Program, leaves, longest
 
 ROUGH = 1e-2  # relative volume that a shape may be off if there is no better one
@@ -38,6 +39,8 @@ MOST_BODIES = 20  # with more of them, gaps are not looked for
 MOST_IN_PIECES = 4  # ways that give the right volume in too many solids, after which no way is hoped for that gives one
 
 TOGETHER = 3  # ways of doing a boolean of several at once, before it is done one after another
+
+MOST_SPREAD = 60  # leaves of a program whose intersections are done on its parts
 
 PATIENCE_S = 8.0  # for a better shape than one that will do; the whole export is given 20 s
 
@@ -105,7 +108,7 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
     """The program as one valid shape of the exact volume that `survives`, its faces merged; raises StepError where OpenCASCADE builds none.
 
     All booleans are done at once first. Where the result is wrong, or does not survive, they are done one by one, each compared with its
-    exact solid.
+    exact solid. Where none of that gives a shape, intersections are done on the parts of what they cut: fewer faces meet in each.
     """
     largest = longest(leaves(program))
     solids = [_exact_leaf(leaf) for leaf in leaves(program)]
@@ -127,9 +130,12 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
             continue
         found = _finish(shape, volume, survives)
         best, failure = (best, LOST) if found is None else (found, failure)
-    if best is None:
+    if best is not None:
+        return best.shape
+    spread = spread_intersections(program)
+    if spread == program or sum(1 for _ in leaves(spread)) > MOST_SPREAD:
         raise StepError(failure)
-    return best.shape
+    return build(spread, place, survives)
 
 
 class _Built(NamedTuple):
@@ -156,6 +162,8 @@ def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[A
         shape = fold_nary(program, lambda _, leaf: place(leaf), {op: _plain(op) for op in OPS})
     except ocp("Standard").Standard_Failure as error:
         return None, f"OpenCASCADE failed: {str(error).splitlines()[0]}"
+    except StepError as error:
+        return None, str(error)
     return shape, "OpenCASCADE built an invalid or empty solid"
 
 
