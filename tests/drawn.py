@@ -16,6 +16,23 @@ BRACKET = Outline(
         circle(2.75, 5, 33),
     )
 )
+NOZZLE = Outline((((0, -20, 0), (18, -20, 0), (18, -5, 0), (7, 5, 0), (7, 20, 0), (0, 20, 0)),))  # to be turned
+# as points of other parts bend it
+BENT_NOZZLE = Outline(
+    (
+        (
+            (0, -20, 0),
+            (18, -20.3, 0),
+            (18.2, -15, 0),
+            (19.5, -13, 0.3),
+            (18.1, -11, 0),
+            (17.8, -5.5, 0),
+            (7.4, 5, 0),
+            (7, 20, 0),
+            (0, 20.2, 0),
+        ),
+    )
+)
 
 
 def slot(x: float, y: float, length: float, radius: float, upright: bool = False) -> Loop:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from tests.deadlines import PASSED
+from tests.drawn import NOZZLE
 from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 
 from imdim.deadline import NEVER, Deadline
@@ -71,8 +72,7 @@ def test_a_planted_part_comes_back_from_noise_and_strays(name, share, n):
 
 
 def test_a_turned_part_in_noise_is_one_outline_unless_csg_is_asked_for():
-    profile = Outline((((0, -20, 0), (18, -20, 0), (18, -5, 0), (7, 5, 0), (7, 20, 0), (0, 20, 0)),))
-    truth = Primitive("revolve", (360.0,), (3.0, -2.0, 5.0), (90.0, 0.0, 0.0), profile)
+    truth = Primitive("revolve", (360.0,), (3.0, -2.0, 5.0), (90.0, 0.0, 0.0), NOZZLE)
     seen, frame = seen_of(cloud(truth, 0.005, n=700, outliers=0.02))
     start = [Primitive("box", (0.1, 0.1, 0.1))]
     drawn = frame.undo(most_likely(start, seen, NEVER, drawn=True, anew=False).program)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from tests.deadlines import PASSED
+from tests.drawn import BENT_NOZZLE, NOZZLE
 from tests.planted import box, cone, cut, cylinder, sphere, union
 
 from imdim.deadline import NEVER
@@ -323,20 +324,7 @@ def test_what_a_part_would_be_exchanged_for_is_another_part():
 
 
 def test_an_outline_that_a_search_begins_with_is_drawn_anew():
-    profile = Outline((((0, -20, 0), (18, -20, 0), (18, -5, 0), (7, 5, 0), (7, 20, 0), (0, 20, 0)),))
-    bumps = (
-        (0, -20, 0),
-        (18, -20, 0),
-        (18, -15, 0),
-        (19.5, -13, 0.3),
-        (18, -11, 0),
-        (18, -5, 0),
-        (12, 1, 0),
-        (7, 5, 0),
-        (7, 20, 0),
-        (0, 20, 0),
-    )
-    truth, begun = (Primitive("revolve", (360.0,), outline=o) for o in (profile, Outline((bumps,))))
+    truth, begun = (Primitive("revolve", (360.0,), outline=o) for o in (NOZZLE, BENT_NOZZLE))
     points = cloud(truth, n=3000, sigma=0.2)
     found = settled(begun, points, 0.2).program
     assert isinstance(found, Primitive)

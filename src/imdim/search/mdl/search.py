@@ -358,24 +358,21 @@ def _few_of_each(choices: Iterable[Choice], settled: int) -> Iterator[Choice]:
 def _leave_twins(choices: Iterable[Choice], parts: Sequence[Program], start: Choice, sigma: float) -> Iterator[Choice]:
     """The choices without those that put a part in the place of one that it hardly differs from, and without those that do what one before
     them did with a part that hardly differs: their numbers would be fitted to the same end."""
-    kept: list[tuple[Op, int, Primitive]] = []
     settled = {step.term: step for step in start}
+    kept: dict[tuple[Op, frozenset[int], int], list[Primitive]] = {}
     for choice in choices:
-        terms = {step.term for step in choice}
         new = [(at, step) for at, step in enumerate(choice) if step.term not in settled]
-        part = parts[new[0][1].term] if len(new) == 1 else None
-        if not isinstance(part, Primitive):
-            yield choice
-            continue
-        (at, (op, _)), gone = new[0], [term for term in settled if term not in terms]
-        place = gone[0] if len(gone) == 1 else None if gone else -1 - at
-        if place is not None:
-            old = parts[place] if place >= 0 else None
-            if isinstance(old, Primitive) and settled[place].op == op and _is_near(part, old, TWIN * sigma):
+        gone = settled.keys() - {step.term for step in choice}
+        part = parts[new[0][1].term] if len(new) == 1 and len(gone) < 2 else None
+        if isinstance(part, Primitive):
+            (at, (op, _)) = new[0]
+            old = [parts[term] for term in gone if settled[term].op == op]
+            twins = kept.setdefault((op, frozenset(gone), at), [])
+            if any(isinstance(p, Primitive) and _is_near(part, p, TWIN * sigma) for p in old) or any(
+                _is_near(part, p, sigma) for p in twins
+            ):
                 continue
-            if any(did == op and where == place and _is_near(part, twin, sigma) for did, where, twin in kept):
-                continue
-            kept.append((op, place, part))
+            twins.append(part)
         yield choice
 
 

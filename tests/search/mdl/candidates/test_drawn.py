@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests import drawn
 
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
@@ -16,7 +17,7 @@ NOZZLE = Primitive(
     (360.0,),
     (3.0, -2.0, 5.0),
     (90.0, 0.0, 0.0),
-    Outline((((0, -20, 0), (18, -20, 0), (18, -5, 0), (7, 5, 0), (7, 20, 0), (0, 20, 0)),)),
+    drawn.NOZZLE,
 )
 ANGLE = Primitive(
     "extrude",
@@ -96,18 +97,7 @@ def test_a_rectangle_becomes_a_box():
 def test_an_outline_is_drawn_anew_through_its_own_points_in_one_go():
     """One vertex fewer a round is too slow where a bump of another part's points takes four."""
     points = cloud(NOZZLE, 0.3)
-    bumpy = (
-        (0, -20, 0),
-        (18, -20.3, 0),
-        (18.2, -15, 0),
-        (19.5, -13, 0.3),
-        (18.1, -11, 0),
-        (17.8, -5.5, 0),
-        (7.4, 5, 0),
-        (7, 20, 0),
-        (0, 20.2, 0),
-    )
-    found = [*retrace(replace(NOZZLE, outline=Outline((bumpy,))), points, 0.3)]
+    found = [*retrace(replace(NOZZLE, outline=drawn.BENT_NOZZLE), points, 0.3)]
     assert any(p.outline is not None and p.outline.curve_count <= 6 and best_iou([p], NOZZLE) > 0.99 for p in found)
 
 
@@ -124,9 +114,9 @@ def test_a_wall_that_bulges_by_a_few_deviations_of_the_noise_is_one_arc_or_drawn
     """By Kasa's circle, of two thirds of its radius, no arc was cheaper than five lines."""
     bulging = Primitive("revolve", (360.0,), outline=Outline((((10, -15, 0.05), (10, 15, 0), (4, 15, 0), (4, -15, 0)),)))
     finely, plainly = retrace(bulging, cloud(bulging, 0.15), 0.15)
-    for drawn, bent in ((finely, 0.05), (plainly, 0.0)):
-        assert drawn.outline is not None
-        longest = max(drawn.outline.rings[0], key=lambda v: abs(v[2]) if abs(v[2]) < 0.2 else 0.0)
+    for leaf, bent in ((finely, 0.05), (plainly, 0.0)):
+        assert leaf.outline is not None
+        longest = max(leaf.outline.rings[0], key=lambda v: abs(v[2]) if abs(v[2]) < 0.2 else 0.0)
         assert longest[2] == pytest.approx(bent, abs=0.01)
 
 
