@@ -23,9 +23,12 @@ def test_the_server_listens_on_this_machine_alone(server):
 def test_the_method_that_was_chosen_runs(phone):
     phone.choose("Example", "Bracket")
     phone.says("Bracket")
-    phone.choose("Method", "tree")  # which explains the part by one primitive more than the search
-    phone.run()
-    assert phone.status("primitives") == "8"
+    phone.choose("Method", "tree")
+    phone.press("Step")  # to the first program: of the tree, where the search would have been first
+    phone.says("paused")
+    assert phone.status("stage").startswith("fit: tree")
+    phone.press("Resume")
+    phone.says("finished")
     phone.choose("Method", "auto")
 
 
