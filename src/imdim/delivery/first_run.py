@@ -262,14 +262,16 @@ def _reconstruct_small_cloud() -> None:
 
 
 def _see_from_outside(surface: Trimesh, points: np.ndarray) -> None:
-    """What delivery alone asks for."""
+    """What delivery alone asks for, and bodies in layers."""
     from imdim.geometry.kernels import outline_sdf
     from imdim.geometry.lowering import Outlines
+    from imdim.geometry.polygon_arcs import draw_ring
     from imdim.geometry.visible import faces_seen
     from imdim.geometry.winding import winding_number
     from imdim.program.outline import Outline, circle
 
     outline_sdf(Outlines.pack([Outline((circle(1.0),))]).curves, points[:1, :2])
+    draw_ring(points[:3, :2], 0.0)
     winding_number(surface, points[:1])
     faces_seen(surface.triangles, 1, 1)
 

@@ -43,10 +43,12 @@ from imdim.reconstruction.proof import DEARER, Proofs
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.decision_tree import DecisionTreeConfig
 from imdim.search.evolve.population import EvolutionConfig, Generation
+from imdim.search.layers import draw_layers, find_layers
 from imdim.search.lns import LocalConfig
 from imdim.search.mdl.primitive_selection import Cloud
 from imdim.search.minimal_ranges import tidy
 from imdim.search.outline_areas import draw_area
+from imdim.search.outline_families import area_of_walls
 from imdim.search.sequence import to_program
 from imdim.search.structure import StructureConfig
 from imdim.search.structure import search as search_structure
@@ -66,6 +68,8 @@ FITS_AS_WELL = 1e-5  # of IoU
 NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
 HIDDEN = 1e-5  # of it, by which solids of two forms of one program may differ
 FINELY = (SEGMENTS, 8 * SEGMENTS)  # of a circle, by which forms of one program are compared: arcs that end elsewhere have other corners
+LEFT_OUT = 0.01  # of a body's surface: walls that are in no plane arrangement, from which on the body is drawn layer by layer
+DRAWN_WITHIN = (2e-4, 4e-4, 8e-4, 1.6e-3)  # of the unit frame: how far the corners of layers may lie off their curves
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
 
@@ -116,12 +120,14 @@ Method = Callable[[Run], Iterator[MethodStep]]
 
 def auto(run: Run) -> Iterator[MethodStep]:
     """The structure search and a short evolution; the decision tree and the policy where these leave much; proofs, which end it early.
+    A body in layers that has more walls than a plane arrangement holds is drawn layer by layer instead.
 
     What the search draws is taken apart, and primitives alone are looked for, where that leaves hardly more to read; walls and bars become
     the pockets and windows between them, where these repeat.
     """
     best: MethodStep | None = None
-    for best in _search_all(run):
+    layered = _draw_layers(run)
+    for best in _search_all(run) if layered is None else [layered]:
         yield best
     if best is not None and run.seen.noisy and run.settings.synthesis and run.settings.language == "cad":
         yield _with_primitives(run, best)
@@ -155,6 +161,22 @@ def auto(run: Run) -> Iterator[MethodStep]:
     rounded = _draw_rounded(run, best)
     if rounded is not None:
         yield rounded
+
+
+def _draw_layers(run: Run) -> MethodStep | None:
+    """The sections of a body in layers, where their plane arrangement has not all of the walls, drawn as finely as is worth it."""
+    seen, mesh = run.seen, run.seen.target.mesh
+    if run.settings.language != "cad" or not run.settings.synthesis or mesh is None or seen.solid is None:
+        return None
+    layers = find_layers(np.asarray(mesh.face_normals), np.asarray(mesh.area_faces), seen.solid)
+    if layers is None or layers.walls - area_of_walls(seen.families.arrangement, layers.axis) < LEFT_OUT * float(mesh.area):
+        return None
+    price = seen.size_weight * seen.solid.volume()
+    drawn = [program for off in DRAWN_WITHIN if (program := draw_layers(layers, off, price, seen.curve * price)) is not None]
+    best = min(drawn, key=seen.exact_price, default=None)
+    if best is None or 1 - (seen.iou(best) or 0.0) > TOUCHED:
+        return None
+    return MethodStep("layers", best, others=tuple(program for program in drawn if program != best))
 
 
 def _with_primitives(run: Run, best: MethodStep) -> MethodStep:

@@ -34,6 +34,7 @@ CURVE_OF_WIDER, HARMLESS = 1e-3, 1e-6  # of a face that matters: what a curve co
 SAME_AXIS = 4e-4  # of the unit frame, within which two axes are one
 MOST_WALLS = 90  # of one plane; the faces grow with the square
 CLEAR = 1.5e-3  # of the unit frame, that other walls keep from an ellipse
+ALONG_AXIS = 1 - 1e-9  # cosine
 RING = 720  # points of an ellipse, where other walls are looked for
 TUBE = 2  # cylinders about an axis that need no turned outline
 
@@ -57,10 +58,7 @@ def find_planes(arrangement: Arrangement) -> tuple[OutlinePlane, ...]:
 
 def _extruded(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
     for a, direction in enumerate(arrangement.directions):
-        across = [b for b, d in enumerate(arrangement.directions) if b != a and abs(d.vector @ direction.vector) < ORTHOGONAL]
-        lines = [(b, k) for b in across for k in np.flatnonzero(arrangement.directions[b].detected).tolist()]
-        rounds = [c for c, s in enumerate(arrangement.curved) if arrangement.axis_of[c] == a and s.kind == "cylinder"]
-        ovals = [c for c, s in enumerate(arrangement.curved) if arrangement.axis_of[c] == a and s.kind == "elliptic"]
+        across, lines, rounds, ovals = _walls_along(arrangement, a)
         count = len(lines) + len(rounds) + len(ovals)
         if not across or (count < 3 and len(ovals) < 2):
             continue
@@ -69,6 +67,26 @@ def _extruded(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
         frame = _frame_across(direction.vector, arrangement.directions[across[0]].vector)
         walls = _walls_across(arrangement, frame[:, :2], lines, rounds)
         yield make_plane("extrude", a, np.zeros(3), frame, _add_ovals(walls, arrangement, frame[:, :2], ovals))
+
+
+def _walls_along(arrangement: Arrangement, a: int) -> tuple[list[int], list[tuple[int, int]], list[int], list[int]]:
+    """The directions across one, and the walls that stand along it: planes by direction and offset, round and elliptic cylinders."""
+    along = arrangement.directions[a].vector
+    across = [b for b, d in enumerate(arrangement.directions) if b != a and abs(d.vector @ along) < ORTHOGONAL]
+    lines = [(b, k) for b in across for k in np.flatnonzero(arrangement.directions[b].detected).tolist()]
+    rounds = [c for c, s in enumerate(arrangement.curved) if arrangement.axis_of[c] == a and s.kind == "cylinder"]
+    ovals = [c for c, s in enumerate(arrangement.curved) if arrangement.axis_of[c] == a and s.kind == "elliptic"]
+    return across, lines, rounds, ovals
+
+
+def area_of_walls(arrangement: Arrangement, axis: int) -> float:
+    """The area of the walls along an axis of the frame that an outline may run along."""
+    a = next((a for a, d in enumerate(arrangement.directions) if abs(d.vector[axis]) > ALONG_AXIS), None)
+    if a is None:
+        return 0.0
+    lines, rounds, ovals = _largest(arrangement, *_walls_along(arrangement, a)[1:])
+    planes = sum(float(arrangement.directions[b].shown[k]) for b, k in lines)
+    return planes + sum(arrangement.shown[c] for c in (*rounds, *ovals))
 
 
 def _largest(
