@@ -17,6 +17,7 @@ from imdim.program.vectors import cross, dot, is_forward, minus, round_vector, t
 
 NUMBERS = 9  # of a primitive: sizes, place, and what it is
 COSTS = {"linear": 5, "grid": 9, "circular": 11, "mirror": 7}
+ASTRAY = 8.0  # tolerances that the middle of a part may be off at most where none of its points is off by more than one
 AT_BODY = 6  # a circle round the axis of a body that is round needs no centre
 MOST_PLANES = 10  # through three parts of one shape, across which copies may turn
 SAME_AXIS = 1e-12  # of a cosine
@@ -45,7 +46,9 @@ class RepeatLimits:
         taken: list[int] = []
         orders: list[list[int]] = []
         for motion in repeat.motions():
-            found = next(((i, o) for i in left if (o := match(first, parts[i], motion, self.tolerance)) is not None), None)
+            at = motion.point(first.anchor)
+            near = (i for i in left if math.dist(at, parts[i].anchor) <= ASTRAY * self.tolerance)  # others are not asked vertex by vertex
+            found = next(((i, o) for i in near if (o := match(first, parts[i], motion, self.tolerance)) is not None), None)
             if found is None:
                 return
             left.remove(found[0])

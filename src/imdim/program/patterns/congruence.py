@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from imdim.program.motions import Motion
 from imdim.program.nary import fold_nary
@@ -16,6 +16,7 @@ from imdim.program.tree import OPS, Op, Primitive, Program, Vec3
 from imdim.program.vectors import times
 
 T = TypeVar("T")
+Layout = int | tuple[Any, ...]
 
 
 @dataclass(eq=False)
@@ -31,6 +32,11 @@ class Node:
     def leaves(self) -> list[tuple[int, Primitive]]:
         """The leaves with their numbers, in order."""
         return [(self.number, self.leaf)] if self.leaf is not None else [leaf for part in self.parts for leaf in part.leaves]
+
+    @property
+    def layout(self) -> Layout:
+        """What stands where: the numbers of the leaves under their operations."""
+        return self.number if self.leaf is not None else (self.op, *(part.layout for part in self.parts))
 
     @property
     def size(self) -> int:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from imdim.program.motions import is_round, step
 from imdim.program.patterns.candidate import Circling, RepeatCandidate, RepeatLimits, classes, first_leaf, pair_mirror_images, pairs
-from imdim.program.patterns.congruence import Node, group_by_fit, match, node_of
+from imdim.program.patterns.congruence import Layout, Node, group_by_fit, match, node_of
 from imdim.program.patterns.linear import Lattice, lattices
 from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
 from imdim.program.rewrite.containment import axes, disjoint
@@ -52,7 +52,10 @@ def fold_repeats(program: Program, tolerance: float | None = None) -> Folding | 
     limits = RepeatLimits(exact if tolerance is None else tolerance, exact)
     circling = Circling(limits, _body_axis(parts[0]), [p.center for p in parts])
     best: Folding | None = None
+    known: dict[Layout, Node] = {}  # each layout once, however it came about
     for node in (root, to_layers(root), to_layers(root, late=True)):
+        known.setdefault(node.layout, node)
+    for node in known.values():
         search = _FoldSearch(limits, circling)
         folded, order = search.fold_node(node)
         if search.found and (best is None or worth(folded) > worth(best.folded)):

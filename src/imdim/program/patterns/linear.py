@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
@@ -13,6 +13,7 @@ from imdim.program.vectors import dot, is_forward, minus, plus, times
 
 Vec2 = tuple[float, float]
 SKEW_POINTS = 24  # of more points grids have right angles
+ROUNDING = 1e-9  # degrees
 TRIPLES = 14  # of more points circles have their centre at a hub or in the middle of all
 
 
@@ -168,6 +169,9 @@ def _arc(angles: Sequence[float], start: int, angle: float, slack: float, most: 
 
 
 def _at(angles: Sequence[float], angle: float, slack: float) -> int | None:
-    near = [(abs((a - angle + 180) % 360 - 180), i) for i, a in enumerate(angles)]
-    off, found = min(near)
+    """The number of the one of sorted angles, in [0, 360), that is nearest to an angle, where it is within the slack."""
+    middle, reach = angle % 360, slack + ROUNDING
+    windows = ((middle + turn - reach, middle + turn + reach) for turn in (-360, 0, 360))
+    close = (i for low, high in windows for i in range(bisect_left(angles, low), bisect_right(angles, high)))
+    off, found = min(((abs((angles[i] - angle + 180) % 360 - 180), i) for i in close), default=(math.inf, -1))
     return found if off <= slack else None

@@ -7,6 +7,7 @@ extruded, upside down. What is compared are the curves in space.
 from __future__ import annotations
 
 import math
+from itertools import islice
 
 from imdim.program.ellipse import Ellipse, are_near_ellipses
 from imdim.program.motions import Motion, is_round, move_leaf
@@ -37,10 +38,14 @@ def _mean(outline: Outline) -> Point:
 
 def lengths_of(p: Primitive, outline: Outline) -> tuple[float, ...]:
     """Lengths that no motion changes: the height or how far the outermost vertex turns, the chords by their length, and semi-axes."""
-    turned = math.radians(p.size[0]) * _reach(outline) if p.kind == "revolve" else p.size[0]
     chords = sorted(math.hypot(u - x, v - y) for ring in outline.rings for x, y, u, v, _ in ring_curves(ring))
     semi_axes = sorted(r for loop in outline.loops if isinstance(loop, Ellipse) for r in sorted((loop.rx, loop.ry)))
-    return (turned, *chords, *semi_axes)
+    return (_length_along(p, outline), *chords, *semi_axes)
+
+
+def _length_along(p: Primitive, outline: Outline) -> float:
+    """The height, or how far the outermost vertex turns."""
+    return math.radians(p.size[0]) * _reach(outline) if p.kind == "revolve" else p.size[0]
 
 
 def _reach(outline: Outline) -> float:
@@ -55,7 +60,7 @@ def is_outlined_moved(a: Primitive, b: Primitive, motion: Motion, tolerance: flo
     moved = move_leaf(a, motion)
     assert moved.outline is not None
     assert b.outline is not None
-    if not _agrees(lengths_of(moved, moved.outline)[0], lengths_of(b, b.outline)[0], tolerance):
+    if not _agrees(_length_along(moved, moved.outline), _length_along(b, b.outline), tolerance):
         return False
     loops = _turned_loops(moved, b, tolerance) if b.kind == "revolve" else _extruded_loops(moved, b, tolerance)
     return loops is not None and _same_loops(loops, b.outline.loops, tolerance)
@@ -76,14 +81,15 @@ def _extruded_loops(a: Primitive, b: Primitive, tolerance: float) -> list[Loop] 
         at = along(along(off, u, p), v, q)
         return dot(at, x), dot(at, y), dot(at, z)
 
-    ends = [(e.x + c * e.rx, e.y + s * e.rx) for e in a.outline.loops if isinstance(e, Ellipse) for c, s in (e.along,)]
-    vertices = [(p, q) for ring in a.outline.rings for p, q, _ in ring]
-    if max(abs(place(p, q)[2]) for p, q in (*vertices, *ends)) > tolerance:
+    ends = [place(e.x + c * e.rx, e.y + s * e.rx) for e in a.outline.loops if isinstance(e, Ellipse) for c, s in (e.along,)]
+    vertices = [place(p, q) for ring in a.outline.rings for p, q, _ in ring]
+    if max(abs(height) for _, _, height in (*vertices, *ends)) > tolerance:
         return None
+    placed = iter(vertices)
 
     def place_loop(loop: Loop) -> Loop:
         if not isinstance(loop, Ellipse):
-            return tuple((*place(p, q)[:2], facing * bulge) for p, q, bulge in loop)
+            return tuple((p, q, facing * bulge) for (_, _, bulge), (p, q, _) in zip(loop, islice(placed, len(loop)), strict=True))
         (c, s), (p, q, _) = loop.along, place(loop.x, loop.y)
         tip = place(loop.x + c, loop.y + s)
         return Ellipse(loop.rx, loop.ry, p, q, math.degrees(math.atan2(tip[1] - q, tip[0] - p)))
