@@ -140,4 +140,6 @@ class Growing:
 def points_of(facets: Facets, chosen: np.ndarray) -> np.ndarray:
     """Distinct corners [n, 3] of the chosen facets, in order."""
     points, place = facets.distinct
-    return points[np.unique(place[facets.triangles(chosen)])]
+    shown = np.zeros(len(points), bool)
+    shown[place[facets.triangles(chosen)]] = True
+    return points[shown]
