@@ -39,10 +39,12 @@ def _can_share(group: Sequence[BlendSolid], piece: BlendSolid) -> bool:
         return False
     assert isinstance(first.solid, Primitive)
     assert isinstance(other, Primitive)
-    turn, own = matrix_from_euler(first.solid.rotation), matrix_from_euler(other.rotation)
     height = first.solid.size[0]
+    if abs(other.size[0] - height) > LEVEL * height:  # tells most apart in a moment
+        return False
+    turn, own = matrix_from_euler(first.solid.rotation), matrix_from_euler(other.rotation)
     level = float((np.asarray(other.center) - first.solid.center) @ turn[:, 2])
-    if abs(abs(own[:, 2] @ turn[:, 2]) - 1) > ONE_WAY or max(abs(level), abs(other.size[0] - height)) > LEVEL * height:
+    if abs(abs(own[:, 2] @ turn[:, 2]) - 1) > ONE_WAY or abs(level) > LEVEL * height:
         return False
     bounds = [_bounds_in(first.solid, p.solid) for p in (*group, piece)]
     (left, bottom), (right, top) = bounds[-1]

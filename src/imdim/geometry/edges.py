@@ -7,7 +7,7 @@ the curve there are four quadrants between the two faces, and one of them alone 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -68,7 +68,7 @@ class NearbyEdges:
 
     def at(self, program: Program, features: Sequence[EdgeFeature]) -> FoundEdges:
         """As `find_edges`, of a program and features that have the same edges with other numbers."""
-        now = _Meetings(program, features)
+        now = _Meetings(program, features, self._meetings)
         same = self._codes.keys() & now.numbers
         codes = self._look(now) if same else {}
         found = []
@@ -95,14 +95,19 @@ class NearbyEdges:
 class _Meetings:
     """The faces of a program that meet in the edges of its features; `numbers` are those of features and their edges."""
 
-    def __init__(self, program: Program, features: Sequence[EdgeFeature]) -> None:
+    def __init__(self, program: Program, features: Sequence[EdgeFeature], like: _Meetings | None = None) -> None:
+        """Of a program that is `like` another one, whose features have the same edges, faces of equal leaves are not placed again."""
         self.solid, self._parts = lower(program), list(leaves(program))
         self._middle, self._radius = _reach(program)
         self._features = features
         self.numbers = [(i, k) for i, feature in enumerate(features) for k in range(len(feature.edges))]
-        self._faces = {number: self._meet(*number) for number in self.numbers}
+        pairs = enumerate(zip(self._parts, like._parts if like else (), strict=False))
+        kept = {number for number, (leaf, other) in pairs if leaf == other}
+        self._faces = {number: self._meet(*number, kept, like) for number in self.numbers}
 
-    def _meet(self, i: int, k: int) -> tuple[list[Surface], list[np.ndarray]]:
+    def _meet(self, i: int, k: int, kept: Set[int], like: _Meetings | None) -> tuple[list[Surface], list[np.ndarray]]:
+        if like is not None and all(face.leaf in kept for face in self._features[i].edges[k]):
+            return like._faces[i, k]
         given = [(face, self._parts[face.leaf]) for face in self._features[i].edges[k] if face.leaf < len(self._parts)]
         pair = [surface for face, leaf in given if (surface := carrier(face, leaf, self.solid)) is not None]
         return pair, [corners(face, leaf, self.solid) for face, leaf in given]
@@ -110,6 +115,8 @@ class _Meetings:
     def are_like(self, other: _Meetings, i: int, k: int) -> bool:
         """Whether the faces of an edge lie and end where those of another program do."""
         (mine, my_ends), (its, its_ends) = self._faces[i, k], other._faces[i, k]
+        if my_ends is its_ends:
+            return True
         return mine == its and all(np.array_equal(a, b) for a, b in zip(my_ends, its_ends, strict=True))
 
     def edges(self, i: int, k: int) -> list[BlendedEdge]:
