@@ -11,6 +11,7 @@ from tests.known_programs import EVERY
 from imdim.geometry import kernels, sdf, solid
 from imdim.geometry.lowering import Outlines, pack
 from imdim.geometry.points import is_inside
+from imdim.numbers.likelihood import SurfaceSamples
 from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.tree import KINDS, Program, fold, leaves
 
@@ -104,3 +105,26 @@ def test_gradient_is_the_central_difference(name):
 def test_the_table_covers_every_kind(kind):
     assert (kind in sdf.LOCAL_SDF) != (kind in sdf.OUTLINED_SDF)
     assert any(p.kind == kind for program, _ in EVERY.values() for p in leaves(program))
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_tangents_of_samples_whose_leaf_is_known_are_those_of_the_program(name):
+    program = EVERY[name][0]
+    shown = SurfaceSamples.of(program, 0.01, most=1500)
+    # on the surface itself the way out of a hole is not told by the distance
+    beside = shown.points + 1e-6 * shown.normals
+    leaf, _, tangent, _ = kernels.program_tangent(program, beside)
+    own = leaf == shown.leaf
+    assert own.sum() >= 0.98 * len(own)  # but where surfaces meet
+    told = kernels.leaf_tangent(program, beside, shown.normals, shown.leaf)
+    on = kernels.leaf_tangent(program, shown.points, shown.normals, shown.leaf)
+    for one, other in ((told, tangent), (on, told)):  # beside an edge another face is the nearest
+        assert np.isclose(one[own], other[own], atol=1e-3).all(1).sum() >= 0.99 * own.sum()
+
+
+def test_what_an_outline_holds_is_where_its_distance_is_negative():
+    rng = np.random.default_rng(0)
+    for program, _ in EVERY.values():
+        for outline in {p.outline for p in leaves(program)} - {None}:
+            curves, flat = Outlines.pack([outline]).curves, rng.uniform(-1.5, 1.5, (2000, 2))
+            np.testing.assert_array_equal(kernels.in_outline(curves, flat), kernels.outline_sdf(curves, flat) < 0)

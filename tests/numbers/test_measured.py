@@ -228,3 +228,33 @@ def test_a_turned_outline_is_not_rounded_along_its_axis_beyond_what_is_known():
     x, y, z = own.center
     assert 0 < bounds.slides[0, 2] < SIGMA / 5
     assert not bounds.allow(replace(own, center=(x, y, z - SIGMA / 2)))
+
+
+def test_relations_of_where_outlines_lie_are_said_of_their_walls():
+    """A drawn leaf's place goes with its outline: tied to that place alone, the other leaf seemed to be held where it was."""
+    square = ((-10.0, -5.0, 0.0), (10.0, -5.0, 0.0), (10.0, 5.0, 0.0), (-10.0, 5.0, 0.0))
+    plate = Primitive("extrude", (4.0,), outline=Outline((square,)))
+    both = union(plate, box(6, 6, 12, (0.0, 0.0, 8.0)))
+    start, beside = Coordinates.of(both), np.zeros((1, 18))
+    beside[0, [3, 12]] = 1.0, -1.0  # the block stays as far along x as the plate
+    known = measure(both, cloud(both), start.spread(beside))
+    way = np.eye(start.count)[12:13]
+    assert known.half_widths(way)[0] < SIGMA
+    alone = measure(both, cloud(both), np.pad(beside, ((0, 0), (0, start.count - 18))))
+    assert np.isinf(alone.half_widths(way)[0])
+
+
+def test_without_rounds_the_program_stays_and_tells_how_well_it_is_known():
+    block = box(40.01, 30, 20)
+    stayed, moved = (measure(block, cloud(box(40, 30, 20)), FREE, rounds=rounds) for rounds in (0, 5))
+    assert stayed.program == block
+    assert moved.program != block
+    ways = np.eye(9)[:3]
+    assert stayed.half_widths(ways) == pytest.approx(moved.half_widths(ways), rel=0.2)
+
+
+def test_what_may_be_nothing_tells_of_no_grid():
+    """Places about the middle of a part are on every grid, and told of one of 100."""
+    rng = np.random.default_rng(0)
+    places, sizes = rng.normal(0, 0.02, 12), rng.uniform(10, 60, 4)
+    assert common_grid(np.concatenate([places, sizes]), np.full(16, 0.05)) == 0.0

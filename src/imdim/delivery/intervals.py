@@ -85,10 +85,9 @@ class NameReadings:
         sums, slopes = (np.array(column) for column in zip(*rows, strict=True))
         left, values, right = np.linalg.svd(sums)
         rank = int((values > SAME * values[0]).sum())
-        held = rows_of(found.constraints, start.numbers).jacobian
+        held = start.spread(rows_of(found.constraints, start.numbers).jacobian)
         # combinations of numbers that no change of names would change
-        held, turns = np.pad(held, ((0, 0), (0, start.count - held.shape[1]))), _fixed_turns(found, start)
-        bound = np.concatenate([held, turns, left[:, rank:].T @ slopes])
+        bound = np.concatenate([held, _fixed_turns(found, start), left[:, rank:].T @ slopes])
         by_name = (right[:rank].T / values[:rank]) @ left[:, :rank].T @ slopes
         return NameReadings(start, by_name, np.linalg.norm(right[rank:], axis=0) < DETERMINED, bound)
 

@@ -35,6 +35,11 @@ def outline_sdf(curves: np.ndarray, points: np.ndarray) -> np.ndarray:
     return _outline_values(curves, np.require(points, np.float64, ["C", "W"]).reshape(-1, 2))
 
 
+def in_outline(curves: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Whether the loops of `curves` [c, 8] hold `points` [n, 2] of the plane, bool [n]: the sign of `outline_sdf`, known long before."""
+    return _hold_in_outline(curves, np.require(points, np.float64, ["C", "W"]).reshape(-1, 2))
+
+
 def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
     """Values [n] at `points` [n, 3]."""
     return _program_values(*_arguments(program, points))[0]
@@ -63,6 +68,13 @@ def inside_each(parts: Sequence[Program], points: np.ndarray, ranges: np.ndarray
 def program_tangent(program: Program | Lowered, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Deciding leaf int64 [n], value [n], local-frame derivative [n, 9] (sizes, shift, rotation vector), world normal [n, 3]."""
     return _program_tangent(*_arguments(program, points))
+
+
+def leaf_tangent(program: Program | Lowered, points: np.ndarray, normals: np.ndarray, leaf: np.ndarray) -> np.ndarray:
+    """The tangents [m, 9] of `program_tangent` at points [m, 3] of the surface that are known to lie on these leaves, `leaf` [m], where the
+    program has these outward `normals` [m, 3]: of a place on an outline its distance, which is nought, does not tell which side is out."""
+    _, kinds, sizes, centers, rotations, curves, spans, points = _arguments(program, points)
+    return _leaf_tangent(kinds, sizes, centers, rotations, curves, spans, points, _as_points(normals), leaf)
 
 
 def _arguments(program: Program | Lowered, points: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -312,6 +324,15 @@ def _outline_values(curves, points):
     for j in range(len(points)):
         out[j] = _outline(curves, points[j, 0], points[j, 1], np.bool_(False))[0]
     return out
+
+
+@njit(nogil=True, cache=True)
+def _hold_in_outline(curves, points):
+    u, v, odd = np.empty(len(points)), np.empty(len(points)), np.zeros(len(points), np.bool_)
+    for j in range(len(points)):
+        u[j], v[j] = points[j, 0], points[j, 1]
+    _count_crossings(curves, np.bool_(False), u, v, odd)
+    return odd
 
 
 @njit(nogil=True, cache=True)
@@ -701,6 +722,32 @@ def _each_inside(code, firsts, kinds, sizes, centers, rotations, curves, spans, 
     return held
 
 
+@njit(nogil=True)
+def _write_tangent(sign, kind, size, curves, center, rotation, point, row, normal):
+    """Write how the value at a point moves with a leaf's sizes, centre and turn into `row` [9], and its gradient into `normal` [3]."""
+    x, y, z = _to_local(center, rotation, point)
+    _local(kind, size, curves, x, y, z, row)
+    for a in range(6):
+        row[a] *= sign
+    gx, gy, gz = row[3], row[4], row[5]
+    for a in range(3):
+        normal[a] = rotation[a, 0] * gx + rotation[a, 1] * gy + rotation[a, 2] * gz
+    row[3], row[4], row[5] = -gx, -gy, -gz
+    row[6], row[7], row[8] = gy * z - gz * y, gz * x - gx * z, gx * y - gy * x
+
+
+@njit(nogil=True, cache=True)
+def _leaf_tangent(kinds, sizes, centers, rotations, curves, spans, points, normals, leaf):
+    tangent, normal = np.empty((len(points), 9)), np.empty(3)
+    for j in range(len(points)):
+        i, row = leaf[j], tangent[j]
+        _write_tangent(1.0, kinds[i], sizes[i], _curves_of(i, kinds, curves, spans), centers[i], rotations[i], points[j], row, normal)
+        if normal[0] * normals[j, 0] + normal[1] * normals[j, 1] + normal[2] * normals[j, 2] < 0.0:
+            for a in range(9):
+                row[a] = -row[a]
+    return tangent
+
+
 @njit(nogil=True, cache=True)
 def _program_tangent(code, kinds, sizes, centers, rotations, curves, spans, points):
     value, leaf = _program_values(code, kinds, sizes, centers, rotations, curves, spans, points)
@@ -709,14 +756,7 @@ def _program_tangent(code, kinds, sizes, centers, rotations, curves, spans, poin
         sign = 1.0
         if leaf[j] < 0:
             leaf[j], sign = -1 - leaf[j], -1.0
-        i, row = leaf[j], tangent[j]
-        x, y, z = _to_local(centers[i], rotations[i], points[j])
-        _local(kinds[i], sizes[i], _curves_of(i, kinds, curves, spans), x, y, z, row)
-        for a in range(6):
-            row[a] *= sign
-        gx, gy, gz = row[3], row[4], row[5]
-        for a in range(3):
-            normal[j, a] = rotations[i, a, 0] * gx + rotations[i, a, 1] * gy + rotations[i, a, 2] * gz
-        row[3], row[4], row[5] = -gx, -gy, -gz
-        row[6], row[7], row[8] = gy * z - gz * y, gz * x - gx * z, gx * y - gy * x
+        i = leaf[j]
+        curves_of = _curves_of(i, kinds, curves, spans)
+        _write_tangent(sign, kinds[i], sizes[i], curves_of, centers[i], rotations[i], points[j], tangent[j], normal[j])
     return leaf, value, tangent, normal

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
-from imdim.geometry.kernels import outline_sdf
+from imdim.geometry.kernels import in_outline
 from imdim.geometry.lowering import Outlines, row_curve
 from imdim.program.outline import Outline, curve_bounds, orient_loops
 from imdim.program.tree import FULL_TURN
@@ -57,7 +57,7 @@ def map_swept(kind: str, size: tuple[float, ...], outline: Outline, u: np.ndarra
     low, high = np.array(outline.bounds)
     flat[on_end] = low + (high - low) * u[on_end, 1:]
     normal[on_end] = 0.0
-    share[on_end] = outline_sdf(_curves(outline), flat[on_end]) < 0
+    share[on_end] = in_outline(_curves(outline), flat[on_end])
     upper, side = face > count, np.where(on_end, np.where(face > count, 1.0, -1.0), 0.0)
     if kind == "extrude":
         z = np.where(on_end, side / 2, u[:, 2] - 0.5) * size[0]
@@ -78,7 +78,7 @@ def draw_even_swept(
     points, normals, kept, on_end = _draw_swept(kind == "revolve", size[0], curves, _widest(outline), bounds, box, n, *steps)
     # on an end of a turned outline the plane of the outline is that of the radius and the height
     flat = points[on_end, :2] if kind == "extrude" else np.column_stack([np.hypot(points[on_end, 0], points[on_end, 1]), points[on_end, 2]])
-    kept[on_end] = outline_sdf(curves, flat) < 0
+    kept[on_end] = in_outline(curves, flat)
     return points[kept], normals[kept]
 
 
@@ -142,9 +142,12 @@ def _widest(outline: Outline) -> np.ndarray:
     return np.array([curve_bounds([row_curve(row)])[1][0] for row in _curves(outline)])
 
 
+@lru_cache(256)
 def _lengths(outline: Outline) -> np.ndarray:
     x, y, u, v, bulge, _, _, radius = _curves(outline).T
     lengths = np.where(bulge != 0, radius * np.abs(4 * np.arctan(bulge)), np.hypot(u - x, v - y))
+    if not (radius < 0).any():
+        return lengths
     return np.where(radius < 0, ellipse_length(-radius, -radius * np.abs(bulge)), lengths)
 
 

@@ -248,7 +248,7 @@ def grid_of(value: float, finest: float) -> float:
 def common_grid(measured: np.ndarray, half: np.ndarray) -> float:
     """The decimal grid on which the numbers of a part, `measured` [n] with 95 % intervals `half` [n], lie so well that it was made on it;
     0 where they tell of none. By the odds of that over numbers from anywhere; some of them may be off it all the same."""
-    known = np.isfinite(half) & (half > 0) & (measured != 0)
+    known = np.isfinite(half) & (half > 0) & (np.abs(measured) > half)  # what may be nothing is on every grid
     measured, deviation = measured[known], half[known] / NORMAL_95
     if not len(measured):
         return 0.0

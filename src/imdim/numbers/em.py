@@ -134,7 +134,8 @@ def _maximisation_step(
 
     Unknowns are the faces' coordinates of each leaf without its rotation, one rotation per frame, and the coordinates of outlines.
     """
-    leaf, _, tangent, _ = kernels.program_tangent(numbers, shown.points)
+    leaf = shown.leaf
+    tangent = kernels.leaf_tangent(numbers, shown.points, shown.normals, leaf)
     k, groups = len(numbers.kinds), int(member.max(initial=-1)) + 1
     plain = np.broadcast_to(np.eye(9), (k, 9, 9))
     matrix, gradient = blocks(leaf, tangent, share.offset, share.mass, plain)

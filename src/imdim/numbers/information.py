@@ -69,6 +69,19 @@ class Coordinates:
             out += [9 * leaf + 3, 9 * leaf + 4] + ([9 * leaf + 8] if own.count >= free else [])
         return out
 
+    def spread(self, rows: np.ndarray) -> np.ndarray:
+        """Combinations of the coordinates of poses, `rows` [m, 9 k], in all coordinates [m, count]. What they say of where an outline lies
+        in its plane is said of the middle between the vertices at its ends, with which its walls move."""
+        out = np.pad(rows, ((0, 0), (0, self.count - rows.shape[1])))
+        for leaf, own, first in self.outlines:
+            turned = KINDS[self.numbers.kinds[leaf]] == "revolve"
+            places = np.array([v[:2] for loop in own.outline.loops for v in (loop if isinstance(loop, tuple) else [(loop.x, loop.y)])])
+            for column, axis in ((9 * leaf + 5, 1),) if turned else ((9 * leaf + 3, 0), (9 * leaf + 4, 1)):
+                for vertex in (int(places[:, axis].argmin()), int(places[:, axis].argmax())):
+                    out[:, first : first + own.count] += out[:, column, None] / 2 * own.map[3 * vertex + axis]
+                out[:, column] = 0.0
+        return out
+
     def move(self, step: np.ndarray) -> Program:
         """The program after a step [count]; an outline that would bound nothing, cross itself, or its axis, stays."""
         k = len(self.numbers.kinds)
@@ -94,7 +107,7 @@ class Coordinates:
 
     def tangents(self, shown: SurfaceSamples) -> np.ndarray:
         """How the distance of a point at each sample grows with each coordinate [m, count]."""
-        leaf, _, tangent, _ = kernels.program_tangent(self.numbers, shown.points)
+        leaf, tangent = shown.leaf, kernels.leaf_tangent(self.numbers, shown.points, shown.normals, shown.leaf)
         out = np.zeros((len(leaf), self.count))
         tangent[:, 6:] /= self.radii[leaf, None]
         np.put_along_axis(out, 9 * leaf[:, None] + np.arange(9), tangent, axis=1)

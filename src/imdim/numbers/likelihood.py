@@ -10,7 +10,7 @@ offset over any face is zero at the truth; and a surface without points costs, b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -47,13 +47,14 @@ class Noise:
 @dataclass(frozen=True)
 class SurfaceSamples:
     """Samples of a program's surface, of what can be seen of it: `points`, outward `normals` [m, 3], its `area`, the share of it whose wall
-    is a `skin`, and the share of the leaves' surfaces that is `seen`."""
+    is a `skin`, the share of the leaves' surfaces that is `seen`, and which `leaf` [m] of the program each is on, if that was asked."""
 
     points: np.ndarray
     normals: np.ndarray
     area: float
     skin: float
     seen: float = 1.0
+    leaf: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
 
     @staticmethod
     def of(
@@ -65,16 +66,17 @@ class SurfaceSamples:
         """
         parts, lowered = list(leaves(program)), lower(program)
         areas = np.array([surface_area(p.kind, p.size, p.outline) for p in parts])
-        visible = len(_visible(lowered, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN if seen is None else seen
+        visible = len(_visible(lowered, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[2]) / LEAST_DRAWN if seen is None else seen
         # every other sample of an even set is not even: their number has to be right at once
         wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(most / max(visible, 1e-3), most / MOST_SAMPLES * MOST_DRAWN))
-        points, normals = _visible(lowered, parts, _counts(areas, wanted), GAP * sigma)
+        points, normals, leaf = _visible(lowered, parts, _counts(areas, wanted), GAP * sigma)
         visible = len(points) / float(wanted)
         if shadows is not None:
-            points, normals = shadows.leave(points, normals)
+            lit = ~shadows.hide(points)
+            points, normals, leaf = points[lit], normals[lit], leaf[lit]
         area = len(points) / wanted * float(areas.sum())
         thin = ~kernels.inside(lowered, points - GAP * sigma * normals)
-        return SurfaceSamples(points, normals, area, float(thin.mean()) if len(thin) else 0.0, visible)
+        return SurfaceSamples(points, normals, area, float(thin.mean()) if len(thin) else 0.0, visible, leaf)
 
     @property
     def spacing(self) -> float:
@@ -117,12 +119,17 @@ def expectation_step(points: np.ndarray, shown: SurfaceSamples, noise: Noise) ->
     return Responsibilities(mass, offset, after, -(log / len(points) + peak), logs + peak)
 
 
+def negative_log_density(program: Program, points: np.ndarray, noise: Noise, most: int = MOST_SAMPLES) -> float:
+    """The negative mean of the logarithms of the densities of `points` [n, 3] beside a program as it is, by `most` samples of it."""
+    return expectation_step(points, SurfaceSamples.of(program, noise.sigma, most, noise.shadows), noise).nll
+
+
 def _counts(areas: np.ndarray, wanted: float) -> np.ndarray:
     return np.ceil(wanted * areas / areas.sum()).astype(int)
 
 
-def _visible(program: Lowered, parts: list[Primitive], counts: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of `counts` samples of each leaf those on the program's boundary, with the program's outward normals.
+def _visible(program: Lowered, parts: list[Primitive], counts: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of `counts` samples of each leaf those on the program's boundary, with the program's outward normals, and which leaf each is on.
 
     A gap that the noise hides is none: where two faces only just met, a step of either would open it. Of faces that lie in one only the
     first leaf's is sampled: twice as dense, it would be likelier to lie a little apart.
@@ -136,8 +143,9 @@ def _visible(program: Lowered, parts: list[Primitive], counts: np.ndarray, gap: 
     shared = sides[:, : len(shown)] != sides[:, len(shown) :]
     normals = np.where(behind, 1.0, -1.0)[:, None] * normals
     clear = ~kernels.inside(program, points + gap * normals)
-    clear &= shared.argmax(0) == np.searchsorted(starts, shown, side="right") - 1
-    return points[clear], normals[clear]
+    leaf = np.searchsorted(starts, shown, side="right") - 1
+    clear &= shared.argmax(0) == leaf
+    return points[clear], normals[clear], leaf[clear]
 
 
 @njit(nogil=True, cache=True)

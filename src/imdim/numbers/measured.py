@@ -63,7 +63,8 @@ class Measured:
 def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: Deadline = NEVER, rounds: int = ROUNDS) -> Measured:
     """`program` moved to make `points` [n, 3] likeliest, as long as combinations `rows` [m, p] of its coordinates stay as they are.
 
-    Newton's method. Past the `deadline` (by default never) there is one more round at the most.
+    Newton's method. Past the `deadline` (by default never) there is one more round at the most. Of no `rounds` the program stays where it
+    is, and how well its numbers are known there is all that is told.
     """
     start = Coordinates.of(program)
     basis = _null_space(np.concatenate([rows, np.eye(start.count)[start.twice]]), start.count)
@@ -71,7 +72,7 @@ def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: De
     noise = _calm(program, points)
     shift, at = np.zeros(basis.shape[1]), program
     covariance, hidden = np.zeros((len(shift), len(shift))), np.eye(len(shift))
-    for done in range(rounds):
+    for done in range(max(rounds, 1)):
         now = Coordinates.of(at)
         shown = SurfaceSamples.of(at, noise.sigma, SAMPLES)
         if not len(shown.points):
@@ -83,6 +84,9 @@ def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: De
         seen, shown_well = points_worth >= LEAST, points_worth >= SUPPORT
         inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
         covariance, hidden = inverse @ known.scatter @ inverse, vectors[:, ~seen]
+        if rounds == 0:
+            covariance *= measure_spread(known.places, known.residual)
+            break
         step = (vectors[:, shown_well] / values[shown_well]) @ (vectors[:, shown_well].T @ known.slope)
         noise = known.noise
         step *= min(1.0, FAR * noise.sigma / max(float(np.abs(step).max(initial=0.0)), 1e-300))

@@ -103,10 +103,11 @@ class MeasuredLeaves:
         return np.hypot(others, np.linalg.norm(along * self.slides[leaf], axis=1))
 
     def _told(self, slopes: np.ndarray) -> np.ndarray:
-        """By how much numbers with these derivatives [n, p] may be rounded: what no points show is not known to lie anywhere, and moves by
-        no more than the noise hides."""
+        """By how much numbers with these derivatives [n, p] may be rounded: one that is not known beside the others as far as it is known
+        while they stay, and by no more than the noise hides."""
         half = self.known.half_widths(slopes)
-        return np.where(np.isfinite(half), half, self.known.noise.sigma)
+        alone = [self.known.half_width_along(way) if np.isinf(wide) else wide for way, wide in zip(slopes, half, strict=True)]
+        return np.where(np.isfinite(half), half, np.minimum(alone, self.known.noise.sigma))
 
     def _allows_outline(self, leaf: int, trial: Outline | None, own: Outline | None) -> bool:
         if trial is None or own is None or trial == own:

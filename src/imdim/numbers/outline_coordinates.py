@@ -142,14 +142,11 @@ def _vertex_rows(curves, following, points, normals):  # pragma: no cover - comp
     """How far along their normals the points move by x and y of each vertex and by the height of its arc, [n, 3 v]."""
     out = np.zeros((len(points), 3 * len(curves)))
     for j in range(len(points)):
-        nearest2, i, at = np.inf, 0, 0.0
-        for c in range(len(curves)):
-            if curves[c, 7] < 0.0:
-                d2, t = _place_on_ellipse(curves[c], points[j, 0], points[j, 1])
-            else:
-                d2, t = _place_on(curves[c], points[j, 0], points[j, 1])
-            if d2 < nearest2:
-                nearest2, i, at = d2, c, t
+        i = _find_nearest(curves, points[j, 0], points[j, 1])
+        if curves[i, 7] < 0.0:
+            _, at = _place_on_ellipse(curves[i], points[j, 0], points[j, 1])
+        else:
+            at = _place_on(curves[i], points[j, 0], points[j, 1])
         nx, ny, half = normals[j, 0], normals[j, 1], 2 * math.atan(curves[i, 4])
         ux, uy = curves[i, 2] - curves[i, 0], curves[i, 3] - curves[i, 1]
         if curves[i, 7] < 0.0:
@@ -173,22 +170,44 @@ def _vertex_rows(curves, following, points, normals):  # pragma: no cover - comp
 
 
 @njit(nogil=True, cache=True)
+def _find_nearest(curves, x, y):  # pragma: no cover - compiled
+    """Which of the curves is the nearest to a point, without an angle of it."""
+    nearest2, nearest = np.inf, 0
+    for c in range(len(curves)):
+        ax, ay, bx, by, bulge, cx, cy, radius = curves[c]
+        if radius < 0.0:
+            d2, _ = _place_on_ellipse(curves[c], x, y)
+        else:
+            ux, uy, wx, wy = bx - ax, by - ay, x - ax, y - ay
+            at = min(max((wx * ux + wy * uy) / (ux * ux + uy * uy), 0.0), 1.0)
+            px, py = wx - at * ux, wy - at * uy
+            if bulge != 0.0:
+                away = max(math.hypot(x - cx, y - cy), 1e-300)
+                gx, gy = cx + (x - cx) * radius / away, cy + (y - cy) * radius / away
+                if (ux * (gy - ay) - uy * (gx - ax)) * bulge <= 0:
+                    px, py = x - gx, y - gy
+                else:
+                    px, py = (wx, wy) if wx * wx + wy * wy < (x - bx) ** 2 + (y - by) ** 2 else (x - bx, y - by)
+            d2 = px * px + py * py
+        if d2 < nearest2:
+            nearest2, nearest = d2, c
+    return nearest
+
+
+@njit(nogil=True, cache=True)
 def _place_on(curve, x, y):  # pragma: no cover - compiled
-    """Squared distance of a point from a curve, and where along it the foot is, 0 to 1."""
+    """Where along a curve the foot of a point is, 0 to 1."""
     ax, ay, bx, by, bulge, cx, cy, _ = curve
-    ux, uy, wx, wy = bx - ax, by - ay, x - ax, y - ay
     if bulge == 0.0:
-        at = min(max((wx * ux + wy * uy) / (ux * ux + uy * uy), 0.0), 1.0)
-    else:
-        turn = 4 * math.atan(bulge)
-        px, py, qx, qy = ax - cx, ay - cy, x - cx, y - cy
-        angle = math.copysign(1.0, turn) * math.atan2(px * qy - py * qx, px * qx + py * qy)
-        # measured from the middle of the arc what lies beyond an end is nearer to that end
-        middle = abs(turn) / 2
-        angle = (angle - middle + math.pi) % (2 * math.pi) - math.pi + middle
-        at = min(max(angle / abs(turn), 0.0), 1.0)
-    along, aside, _, _ = _arc(at, 2 * math.atan(bulge))
-    return (wx - along * ux + aside * uy) ** 2 + (wy - along * uy - aside * ux) ** 2, at
+        ux, uy = bx - ax, by - ay
+        return min(max(((x - ax) * ux + (y - ay) * uy) / (ux * ux + uy * uy), 0.0), 1.0)
+    turn = 4 * math.atan(bulge)
+    px, py, qx, qy = ax - cx, ay - cy, x - cx, y - cy
+    angle = math.copysign(1.0, turn) * math.atan2(px * qy - py * qx, px * qx + py * qy)
+    # measured from the middle of the arc what lies beyond an end is nearer to that end
+    middle = abs(turn) / 2
+    angle = (angle - middle + math.pi) % (2 * math.pi) - math.pi + middle
+    return min(max(angle / abs(turn), 0.0), 1.0)
 
 
 @njit(nogil=True, cache=True)

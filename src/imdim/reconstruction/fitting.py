@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,8 +13,8 @@ from imdim.geometry.finish.pattern_outlier import regularise_outliers
 from imdim.geometry.lowering import lower
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
-from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.numbers.information import Coordinates
+from imdim.numbers.likelihood import Noise, negative_log_density
 from imdim.numbers.measured import measure
 from imdim.numbers.measured_leaves import MeasuredLeaves
 from imdim.numbers.refine import RefineConfig, refine
@@ -21,12 +22,12 @@ from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
-from imdim.program.tree import Program, map_leaves
+from imdim.program.tree import Program, leaves, map_leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import is_same
-from imdim.reconstruction.rounding import SNAP_CHANGE
 from imdim.relations.discover import exact_relations, hold_constraints
 from imdim.relations.residuals import holding, rows_of
+from imdim.search.mdl.description_length import count_own
 from imdim.target.target import Target
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
@@ -36,6 +37,10 @@ ROUNDED = 1e-2  # of the part, by which a number is rounded at most, if its inte
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
 HOLD_TRIES = 24  # programs that are made to find which relations hold beside rounder numbers
+LIKELY_TRIES = 24  # programs that are made to find which rounded leaves the points allow together
+SAMPLED = 40_000  # samples of a surface, by which programs of the same points are compared
+DOUBT = 2e-3  # nats per point, what these leave in doubt
+ONE_SIDED_95 = 1.644854  # standard deviations, that a normal number is above one time in twenty
 
 Related = tuple[Program, tuple[Constraint, ...]]  # a program and what holds for it
 
@@ -88,19 +93,50 @@ def _mean_distance(program: Program, points: np.ndarray) -> float:
 
 
 def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndarray, deadline: Deadline = NEVER) -> Program:
-    """A program of a noisy cloud, its numbers as the `points` [n, 3] measure them under the relations `found`, and rounded where their
-    intervals allow; as far as time allows."""
+    """A program of a noisy cloud with its numbers rounded where the intervals in which the `points` [n, 3] hold them allow it, under the
+    relations `found`, and the points stay as likely as rounding to the true numbers would leave them; as far as time allows.
+
+    The numbers are those of the program, unless others nearby, as those of a fit that was cut short, are clearly likelier.
+    """
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if deadline.has_passed():
         return plain
-    rows = rows_of(found, lower(plain)).jacobian
-    start = Coordinates.of(plain)
-    known = measure(plain, subsample(points, SHOWN), np.pad(rows, ((0, 0), (0, start.count - rows.shape[1]))), deadline)
-    if 1 - volume_iou(to_manifold(plain), to_manifold(known.program)) >= 10 * SNAP_CHANGE:
-        return plain
+    rows, shown = Coordinates.of(plain).spread(rows_of(found, lower(plain)).jacobian), subsample(points, SHOWN)
+    known = measure(plain, shown, rows, deadline)
+    moved, stayed = (negative_log_density(p, shown, known.noise, SAMPLED) for p in (known.program, plain))
+    if not moved < stayed - DOUBT:
+        known = measure(plain, shown, rows, deadline, rounds=0)
     bounds = MeasuredLeaves.of(known)
     measured = map_leaves(known.program, lambda _, leaf: canonical(leaf))
     if not bounds.allow(measured):  # written in other frames: nothing can be compared
         return measured
     config = SnapConfig(max_move=ROUNDED, equalise=False)
-    return bounds.round_sizes(snap(measured, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))
+    snapped = bounds.round_sizes(snap(measured, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))
+    return _keep_likely(measured, snapped, shown, known.noise)
+
+
+def _keep_likely(measured: Program, snapped: Program, points: np.ndarray, noise: Noise) -> Program:
+    """The `measured` program with as many of the `snapped` leaves as its points [n, 3] allow.
+
+    At the true numbers twice the logarithm of the likelihood is less than at the likeliest by a chi-squared number of as many degrees as
+    there are numbers (Wilks 1938). That each is within its own interval does not say that all are together.
+    """
+    old, new = list(leaves(measured)), list(leaves(snapped))
+    best = negative_log_density(measured, points, noise, SAMPLED)
+
+    def put(program: Program, index: int) -> Program:
+        return map_leaves(program, lambda i, leaf: new[i] if i == index else leaf)
+
+    def is_likely(trial: Program) -> bool:
+        rounded = sum(count_own(leaf) for leaf, before in zip(leaves(trial), old, strict=True) if leaf != before)
+        lost = negative_log_density(trial, points, noise, SAMPLED) - best
+        return lost <= _chi_squared_95(rounded) / (2 * len(points)) + DOUBT
+
+    changed = [i for i, (one, other) in enumerate(zip(old, new, strict=True)) if one != other]
+    return accept_changes(measured, changed, put, is_likely, LIKELY_TRIES)
+
+
+def _chi_squared_95(degrees: int) -> float:
+    """What a chi-squared number is above one time in twenty (Wilson & Hilferty 1931)."""
+    spread = 2 / (9 * max(degrees, 1))
+    return degrees * (1 - spread + ONE_SIDED_95 * math.sqrt(spread)) ** 3

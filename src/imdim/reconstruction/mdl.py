@@ -17,7 +17,7 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import subsample
 from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
-from imdim.numbers.likelihood import Noise, SurfaceSamples, expectation_step
+from imdim.numbers.likelihood import Noise, SurfaceSamples, negative_log_density
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.constraints import Constraint
 from imdim.program.paths import Path, leaf_paths, without
@@ -469,12 +469,8 @@ def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadlin
         return likely.program, ()
     plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
     found = discover(plain, points, deadline)
-    noise = likely.noise
-
-    def nll_of(program: Program) -> float:
-        # the best round of a fit is the best of its samples too: both are told by new ones
-        return expectation_step(points, SurfaceSamples.of(program, noise.sigma, CAREFUL.samples, noise.shadows), noise).nll
-
+    # the best round of a fit is the best of its samples too: both are told by new ones
+    together, apart = (negative_log_density(p, points, likely.noise, CAREFUL.samples) for p in (found.program, plain))
     held = np.linalg.matrix_rank(rows_of(found.constraints, lower(plain)).jacobian) if found.constraints else 0
     worth = 0.5 * int(held) * math.log(len(points)) / len(points)
-    return (found.program, found.constraints) if nll_of(found.program) < nll_of(plain) + worth else (likely.program, ())
+    return (found.program, found.constraints) if together < apart + worth else (likely.program, ())

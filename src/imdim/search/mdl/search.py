@@ -32,6 +32,7 @@ from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
 from imdim.program.tree import Combine, Op, Primitive, Program, leaves, map_leaves
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
+from imdim.search.mdl.candidates.blind_hole import blind_holes
 from imdim.search.mdl.candidates.drawn import redraw, retrace
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
@@ -336,7 +337,8 @@ class _Changes:
         from the program."""
         cloud, out = self.cloud, list[Program]()
         out += [*trim(part, cloud.points[own]), *alternatives(cloud.points[own], self.axes, cloud), *_taper(part)]
-        out += [*stadiums(part, sigma), *redraw(part), *(stepped(part, cloud.points[own], sigma) if self.steps else ())]
+        out += [*stadiums(part, sigma), *redraw(part), *blind_holes(part, cloud.points, sigma)]
+        out += stepped(part, cloud.points[own], sigma) if self.steps else ()
         if op == "difference":
             out += slots(part, cloud)
         if op == "union" and own.any():
