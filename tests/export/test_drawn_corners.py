@@ -123,6 +123,14 @@ def test_a_pulley_within_the_other_has_no_belt():
         change_values(opened(lever()), {"plate_end_radius": 37.0})
 
 
+def test_a_pulley_that_is_almost_within_the_other_is_told_without_a_belt():
+    """A line touches both circles only just: of a tenth less between their centres it would touch none, and no edit could be made."""
+    delivered = opened(lever(radius=36.0, end=4.0, x=33.0))
+    for name, value in delivered.values.items():
+        for factor in (0.9, 1.1):
+            assert solid_of(change_values(delivered, {name: value * factor})).volume() > 0, name
+
+
 def bends_between(outline):
     """By how much the loop turns at each vertex, in degrees."""
     curves = loop_curves(outline.loops[0])

@@ -86,6 +86,27 @@ def test_where_faces_meet_for_less_than_half_a_size_is_no_edge() -> None:
     assert {face.leaf for f in found.features for edge in f.edges for face in edge} == {0}
 
 
+def test_what_goes_on_beyond_an_edge_by_little_is_no_second_one() -> None:
+    """A wall ends where a corner's arc touches it; a box in whose face it lies goes on, and leaves the arc by a hair at first."""
+    x, y, radius, bend = 30.0, 20.0, 8.0, math.tan(math.pi / 8)
+    a, b = x - radius, y - radius
+    ends = [(-a, -y), (a, -y), (x, -b), (x, b), (a, y), (-a, y), (-x, b), (-x, -b)]
+    plate = Primitive("extrude", (6.0,), outline=Outline((tuple((u, v, bend if i % 2 else 0.0) for i, (u, v) in enumerate(ends)),)))
+    rim = EdgeFeature("chamfer", (1.0,), tuple((Face(0, "+z"), Face(0, f"wall[0][{k}]")) for k in range(len(ends))))
+    target = target_of(plate, rim)
+    within = Combine("intersection", plate, Primitive("box", (2 * x, 2 * y, 20.0)))
+    found = find_edge_features(within, set_edges_aside(target).chains, target)
+    assert [len(f.edges) for f in found.features] == [len(ends)]
+
+
+def test_an_edge_that_follows_a_third_of_a_blend_is_none() -> None:
+    rim = EdgeFeature("chamfer", (0.8,), tuple((Face(0, "+z"), Face(0, side)) for side in ("+x", "-x", "+y", "-y")))
+    target = target_of(Primitive("box", (40.0, 30.0, 6.0)), rim)
+    body, tooth = Primitive("box", (39.0, 30.0, 6.0), (-0.5, 0.0, 0.0)), Primitive("box", (12.0, 10.0, 6.0), (14.0, 0.0, 0.0))
+    found = find_edge_features(Combine("union", body, tooth), set_edges_aside(target).chains, target)
+    assert {face.leaf for f in found.features for edge in f.edges for face in edge} == {0}
+
+
 def test_delivery_leaves_the_faces_whose_edges_are_blended() -> None:
     inner = Combine("intersection", replace(BRACKET.left, size=(20.0,)), Primitive("cylinder", (60.0, 20.0)))
     feature = EdgeFeature("chamfer", (0.8,), RIMS)

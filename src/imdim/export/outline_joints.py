@@ -232,10 +232,15 @@ class OutlineJoints:
         ends = {k for k in between if self._is_end(loose[k], corners[k], curves[k - 1], curves[(k + 1) % n])}
         while grown := {k for k in corners if {(k - 2) % n, (k + 2) % n} & ends} - ends:
             ends |= grown  # the line between two arcs touches both alike
+        tight = {k for k in ends if (k + 2) % n in ends and not _can_part(joints[k], joints[(k + 2) % n])}
+        while grown := {k for k in ends if {(k - 2) % n, k, (k + 2) % n} & tight} - tight:
+            tight |= grown
         for k in loose:
             joint, following, corner = joints[k], joints[(k + 1) % n], corners.get(k)
             is_rim = abs(joint.turn) > WIDEST and self._is_rim(loose[k]) and self._is_between_movable(joints, k)
-            if k in ends:
+            if k in tight:
+                loose[k].loose, loose[k].rim = False, True
+            elif k in ends:
                 loose[k].end, joint.about, following.about = True, loose[k], loose[k]
             elif corner is not None:
                 joint.rounds, joint.at, following.at = True, corner, corner
@@ -309,6 +314,16 @@ class OutlineJoints:
         corner = arc[0] + length * math.cos(way), arc[1] + length * math.sin(way)
         far = math.dist(corner, arc[2:4]) - length
         return self._round(corner) if length > 0 and abs(far) <= self.slack else None
+
+
+def _can_part(before: Joint, after: Joint) -> bool:
+    """Whether a line still touches the arcs after both joints once a radius, or the place of one, is a tenth more or less: of circles that
+    are run the same way none does where one lies in the other, of others where they cross."""
+    one, two = before.after, after.after
+    assert isinstance(one, DrawnArc)
+    assert isinstance(two, DrawnArc)
+    reach = one.radius + two.radius if before.turn * after.turn < 0 else abs(one.radius - two.radius)
+    return (1 - TENTH) * math.dist(one.center, two.center) > reach + TENTH * max(one.radius, two.radius)
 
 
 def _is_movable(curve: DrawnCurve) -> bool:

@@ -102,13 +102,25 @@ class BlendedEdge:
 
     def distances(self, points: np.ndarray) -> np.ndarray:
         """How far points [n, 3] are from the stretch, [n]."""
-        local = (points - self.track.origin) @ self.track.frame
-        t = local[:, 2]
-        if self.track.is_round:
-            middle = (self.stretch.low + self.stretch.high) / 2
-            t = middle + np.remainder(np.arctan2(local[:, 1], local[:, 0]) - middle + math.pi, 2 * math.pi) - math.pi
+        t = self._along(points)
         nearest = t if self.stretch.is_closed else np.clip(t, self.stretch.low, self.stretch.high)
         return lengths(points - self.track.at(nearest, np.zeros((len(points), 2))))
+
+    def share_of(self, points: np.ndarray) -> float:
+        """How much of the way along the track from the first to the last of points [n, 3] is the stretch's."""
+        t = self._along(points)
+        if self.stretch.is_closed or np.ptp(t) == 0:
+            return 1.0
+        low, high = max(self.stretch.low, float(t.min())), min(self.stretch.high, float(t.max()))
+        return max(high - low, 0.0) / float(np.ptp(t))
+
+    def _along(self, points: np.ndarray) -> np.ndarray:
+        """The lengths or angles [n] at which points [n, 3] lie along the track, angles about the middle of the stretch."""
+        local = (points - self.track.origin) @ self.track.frame
+        if not self.track.is_round:
+            return local[:, 2]
+        middle = (self.stretch.low + self.stretch.high) / 2
+        return middle + np.remainder(np.arctan2(local[:, 1], local[:, 0]) - middle + math.pi, 2 * math.pi) - math.pi
 
     def end(self, k: int) -> np.ndarray:
         """The point [3] in which the stretch begins, k = 0, or ends."""

@@ -6,7 +6,7 @@ takes off has to be air there, what it fills in material, for the most part.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -38,7 +38,9 @@ RIGHT = 0.7  # of the volume of a blend that has to be right
 SHORTEST = 0.5  # of its size, that the stretches of an edge are long together at least
 TIDY = 5e-3  # of a size, by which it may be rounded
 ECHO, ECHO_AREA, ECHO_COSINE = 1e-3, 0.1, 0.9995  # of the diagonal, of the larger flat's area, and between normals
-ALONG = 7  # places of a stretch at which it is looked whether it runs along another one
+PLACES = 7, 400  # of a stretch, at least and at most, at which it is looked whether it runs along another one,
+PER_SIZE = 8.0  # so many per size of its blend
+FOLLOWED = 0.5  # of a blend's length, that edges follow at least
 GATHERED = 1e-2  # of a size, within which chains have one
 
 
@@ -127,8 +129,15 @@ def find_edge_features(program: Program, chains: Sequence[Chain], target: Target
         edges: list[tuple[Face, Face]] = []
         lost = 0
         for chain in group:
-            pairs = list(dict.fromkeys(pair for blend in chain.blends for pair in _pairs(blend, chain, faces, parts, target)))
-            found = _borne_out(program, solid, wanted, EdgeFeature(chain.kind, sizes, tuple(pairs)) if pairs else None, taken)
+            pairs = [list(_pairs(blend, chain, faces, parts, target)) for blend in chain.blends]
+            every = tuple(dict.fromkeys(pair for some in pairs for pair in some))
+            runs = _borne_out(program, solid, wanted, EdgeFeature(chain.kind, sizes, every) if every else None, taken)
+            found = [
+                pair
+                for pair in runs
+                if any(pair in some and _is_followed(blend, some, runs) for blend, some in zip(chain.blends, pairs, strict=True))
+            ]
+            taken += [edge for pair in found for edge in runs[pair]]
             edges += found
             lost += not found
         if edges:
@@ -212,32 +221,43 @@ def _is_beside(surface: Surface, side: Surface, there: np.ndarray, slack: float)
 
 
 def _borne_out(
-    program: Program, solid: Manifold, wanted: Manifold, feature: EdgeFeature | None, taken: list[BlendedEdge]
-) -> list[tuple[Face, Face]]:
-    """Those edges of a feature that make the solid of a program more like the one `wanted`, without those that run along the ones `taken`,
-    to which they are added: faces of several primitives may lie in one plane. What is shorter than half its size is where faces cross by
-    chance, and gone when a number changes."""
+    program: Program, solid: Manifold, wanted: Manifold, feature: EdgeFeature | None, taken: Sequence[BlendedEdge]
+) -> dict[tuple[Face, Face], list[BlendedEdge]]:
+    """Those edges of a feature that make the solid of a program more like the one `wanted`, with their stretches, but for edges that run
+    along those `taken`, or others of these: faces of several primitives may lie in one plane. What is shorter than half its size is where
+    faces cross by chance, and gone when a number changes; so is what goes on beyond another edge by no more."""
     if feature is None:
-        return []
+        return {}
     found = find_edges(program, [feature]).edges
     pieces = sweep_blends(found)[: len(found)]
-    kept: list[tuple[Face, Face]] = []
+    kept: dict[tuple[Face, Face], list[BlendedEdge]] = {}
     for k, edge in enumerate(feature.edges):
+        known = [*taken, *(e for some in kept.values() for e in some)]
         right = whole = 0.0
-        own = [(e, piece) for e, piece in zip(found, pieces, strict=True) if e.edge == k and not _runs_along(e, taken)]
-        for _, piece in own:
+        stretches = ((e, piece, _own_length(e, known)) for e, piece in zip(found, pieces, strict=True) if e.edge == k)
+        own = [stretch for stretch in stretches if stretch[2] > 0]
+        for _, piece, _ in own:
             blend = to_manifold(piece.solid)
             part = (blend ^ solid) if piece.cuts else (blend - solid)
             volume, inside = part.volume(), (part ^ wanted).volume()
             whole += volume
             right += volume - inside if piece.cuts else inside
-        if right > RIGHT * whole > 0 and sum(e.length for e, _ in own) >= SHORTEST * max(feature.sizes):
-            kept.append(edge)
-            taken += [e for e, _ in own]
+        if right > RIGHT * whole > 0 and sum(length for _, _, length in own) >= SHORTEST * max(feature.sizes):
+            kept[edge] = [e for e, _, _ in own]
     return kept
 
 
-def _runs_along(edge: BlendedEdge, others: Sequence[BlendedEdge]) -> bool:
-    """Whether a stretch of an edge is one of others, or part of it."""
-    points = edge.points(ALONG)
-    return any((other.distances(points) < NEAR * edge.size).all() for other in others)
+def _is_followed(blend: Blend, pairs: Sequence[tuple[Face, Face]], runs: Mapping[tuple[Face, Face], Sequence[BlendedEdge]]) -> bool:
+    """Whether edges between some of the `pairs` of faces beside a blend follow most of it: what follows less of it is part of another face
+    that ends elsewhere, or has no room for it once a number changes."""
+    return sum(edge.share_of(blend.corners) for pair in pairs for edge in runs.get(pair, ())) >= FOLLOWED
+
+
+def _own_length(edge: BlendedEdge, others: Sequence[BlendedEdge]) -> float:
+    """How long an edge is where it does not run along others."""
+    count = int(np.clip(PER_SIZE * edge.length / edge.size, *PLACES))
+    low, high = edge.stretch.low, edge.stretch.high
+    middles = low + (high - low) * (np.arange(count) + 0.5) / count
+    points = edge.track.at(middles, np.zeros((count, 2)))
+    free = np.all([other.distances(points) >= NEAR * edge.size for other in others], axis=0) if others else np.ones(count, bool)
+    return edge.length * float(free.mean())
