@@ -77,6 +77,30 @@ def test_openscad_draws_the_edited_outline(tmp_path):
     assert volume_iou(mesh_to_manifold(mesh), to_manifold(plate(corner=6.0, end=2.0), SEGMENTS)) > 1 - 1e-5
 
 
+def angle_bracket(holes=()):
+    """A foot of 8 and a back of 12, about the middle of their box."""
+    ring = ((-30, -20, 0), (30, -20, 0), (30, -12, 0), (-18, -12, 0), (-18, 20, 0), (-30, 20, 0))
+    return Primitive("extrude", (25.0,), outline=Outline((as_floats(ring), *holes)))
+
+
+def as_floats(ring):
+    return tuple(tuple(map(float, vertex)) for vertex in ring)
+
+
+def test_where_nothing_lies_about_the_middle_walls_are_measured_from_the_ends():
+    delivered = opened(angle_bracket())
+    assert sorted(delivered.values.values()) == [8.0, 12.0, 25.0, 40.0, 60.0]
+    thicker = next(name for name, value in delivered.values.items() if value == 8.0)
+    low, high = np.reshape(solid_of(change_values(delivered, {thicker: 10.0})).bounding_box(), (2, 3))
+    assert (high - low).tolist() == pytest.approx([60.0, 40.0, 25.0])
+
+
+def test_where_holes_lie_about_the_middle_walls_are_measured_from_that():
+    delivered = opened(angle_bracket((circle(2.0, -10.0, -16.0), circle(2.0, 10.0, -16.0))))
+    assert -18.0 in delivered.values.values()
+    assert 20.0 in delivered.values.values()  # from hole to hole
+
+
 def test_every_vertex_follows_names_alone():
     """No free number is left where lines run along the axes and arcs touch them."""
     text = opened(plate()).texts["program.scad"]

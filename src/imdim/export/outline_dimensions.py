@@ -1,6 +1,7 @@
 """The dimensions of outlines as variables and equations: where lines lie, how round corners are, where holes are and how large.
 
-Lines along the two axes of an outline have places, chamfers between them a length, arcs a centre and a radius. All directions stay: arcs
+Lines along the two axes of an outline have places, chamfers between them a length, arcs a centre and a radius. What lies about the middle
+of an outline is measured from that; where nothing does, a foot is as thick as it is, from the end on its side. All directions stay: arcs
 that touch such lines, or end square to them, keep their angles, so that the vertices there are sums of these numbers. Where an arc crosses
 such a line the vertex is as far from the centre as the arc reaches along it. Corners at which lines lean have places of their own. Arcs
 that meet anything else are loose: their ends have places, and they round a corner with a radius, touch a neighbour, or have a radius; those
@@ -61,6 +62,7 @@ class OutlineDimensions:
         self.joints = OutlineJoints(part.outline, self.slack, has_webs=part.kind == "extrude", axes=axes)
         self.known: dict[tuple[str, int, int], Row] = {}  # by word, axis, place on a grid
         self.places: dict[tuple[str, int, int], float] = {}
+        self.about_middle = {axis for axis in (X, Y) if self._lies_about_middle(axis)}
         self.following = {} if part.kind == "revolve" else dict(self._find_following())
         self._add_places()
 
@@ -77,6 +79,13 @@ class OutlineDimensions:
             self._add_corners(inner, prefix, about_ends=True)
         for joint in self.joints.all():
             self.system.rows += [row for row in self._equations(joint) if row]
+
+    def _lies_about_middle(self, axis: int) -> bool:
+        """Whether more than the outline's two ends lies alike about the middle along an axis: lines, circles or arcs."""
+        rounds = [*self.joints.centers, *(r.center for r in self.joints.regular if r), *(arc.center for arc in self.joints.arcs())]
+        cells = {self.joints.cell(c[axis]) for c in rounds} | {self.joints.cell(c.place) for c in self.joints.lines() if c.across == axis}
+        ends = {self.joints.cell(corner[axis]) for corner in self.outline.bounds}
+        return any(-cell in cells for cell in cells - ends)
 
     def _add_lines(self) -> None:
         turned = self.part.kind == "revolve"
@@ -252,8 +261,8 @@ class OutlineDimensions:
             if self.part.kind == "revolve" and axis == Y:
                 self.known[what, axis, cell] = {self._new("level", place): 1.0}
                 continue
-            outer = self._next_out(what, axis, place)
             both = (axis, self.joints.cell(-place)) in found and self.part.kind != "revolve"
+            outer = self._next_out(what, axis, place, from_end=not both and axis not in self.about_middle)
             if outer is None and (self._add_walls(what, axis, abs(place)) if both else self._add_wall(what, axis, place)):
                 continue
             if outer is not None and (not both or (what, axis, self.joints.cell(-outer)) in self.known):
@@ -294,8 +303,9 @@ class OutlineDimensions:
             self.known[what, axis, self.joints.cell(side * place)] = sum_rows((edge, 1.0), ({wall: 1.0}, -side))
         return True
 
-    def _next_out(self, what: str, axis: int, place: float) -> float | None:
-        """The place next further out that is near enough to be measured from; of an extrusion's lines alone, others are told by radii."""
+    def _next_out(self, what: str, axis: int, place: float, from_end: bool = False) -> float | None:
+        """The place next further out that is near enough to be measured from, or however far the outline's end, if `from_end`; of an
+        extrusion's lines alone, others are told by radii."""
         if what not in (side_of(False), side_of(True)) or self.part.kind == "revolve":
             return None
         outer = [
@@ -304,7 +314,9 @@ class OutlineDimensions:
             if word == what and a == axis and p * place > 0 and abs(p) > abs(place) + self.slack
         ]
         near = min(outer, key=abs, default=None)
-        return near if near is not None and abs(near) - abs(place) <= NEAR * abs(near) else None
+        if near is None or (from_end and any(abs(corner[axis] - near) <= self.slack for corner in self.outline.bounds)):
+            return near
+        return near if abs(near) - abs(place) <= NEAR * abs(near) else None
 
     def row_of_line(self, inner: bool, axis: int, place: float) -> Row:
         """The variables whose sum the place of a line across an axis is; none for what lies on the origin, or has no place."""
