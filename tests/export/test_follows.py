@@ -74,8 +74,8 @@ def test_a_cut_that_leaves_by_an_inner_wall_goes_on_doing_so():
     plate = _extrude(STEPPED, 6.0)
     slot = Primitive("box", (12.0, 6.0, 20.0), (6.0, 10.0, 0.0))
     part = opened(Combine("difference", plate, slot))
-    step = next(name for name, value in part.values.items() if value == 10.0 and "edge" in name)
-    first, second = leaves(change_values(part, {step: 14.0}).program)
+    step = next(name for name, value in part.values.items() if value == 20.0 and "inset" in name)
+    first, second = leaves(change_values(part, {step: 16.0}).program)
     assert 14.0 in _walls(first, 0)
     assert second.center[0] + second.size[0] / 2 == pytest.approx(16.0)
 
@@ -84,8 +84,8 @@ def test_what_stands_on_an_inner_wall_stays_on_it():
     plate = _extrude(STEPPED, 6.0)
     pin = Primitive("cylinder", (2.0, 12.0), (15.0, 10.0, 0.0), (0.0, 90.0, 0.0))
     part = opened(Combine("union", plate, pin))
-    step = next(name for name, value in part.values.items() if value == 10.0 and "edge" in name)
-    _, second = leaves(change_values(part, {step: 14.0}).program)
+    step = next(name for name, value in part.values.items() if value == 20.0 and "inset" in name)
+    _, second = leaves(change_values(part, {step: 16.0}).program)
     assert second.center[0] - second.size[1] / 2 == pytest.approx(13.0)
 
 
