@@ -248,20 +248,22 @@ class _Changes:
         scene = PointScene(self.draws, _limit(best.noise, self.cloud.noise), self.count)
         mixture = BatchedLikelihood.of(scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
+        begin = len(mixture.parts) - len(spans) - len(retraced)
         meet = [{*np.flatnonzero(row).tolist()} for row in self._meet(mixture)]
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start, meet[i]))
         # a wall is no cut: what is left of it in its middle would stand alone
         walls = {i for i, part in enumerate(mixture.parts) if isinstance(part, Combine) and part.op == "difference"}
         moves = [*own_moves(start), *(c for c in new if all(s.positive or s.term not in walls for s in c))]
+        drawn = [i for i in range(len(steps), begin) if isinstance(p := mixture.parts[i], Primitive) and p.outline is not None]
+        moves += [c for i in drawn for c in _in_place_of(itertools.permutations(sorted(meet[i]), 2), i, start)]
         moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
-        begin = len(mixture.parts) - len(spans) - len(retraced)
         anew = [(*start[:at], Step(start[at].op, term), *start[at + 1 :]) for term, at in enumerate(retraced.values(), begin)]
         lengths = mixture.lengths([start, *moves])
         better = [moves[i - 1] for i in _shortest(lengths) if lengths[i] < lengths[0] + SLACK]
         kept = itertools.islice(_few_of_each(_leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)
         # what is drawn anew may lie a little off everywhere: only fits tell its worth
-        drawn = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
-        return [*drawn, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
+        fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
+        return [*fitted, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
 
     def _fit(self, noise: Noise) -> Callable[[Program], FittedProgram]:
         return lambda program: maximise_likelihood(program, self.cloud.points, noise, REFIT, self.deadline)
@@ -378,7 +380,7 @@ def _leave_twins(choices: Iterable[Choice], parts: Sequence[Program], start: Cho
         yield choice
 
 
-def _in_place_of(pairs: Sequence[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:
+def _in_place_of(pairs: Iterable[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:
     """The term in the place of the first of two steps, without the second, unless a cut would come first."""
     for i, j in pairs:
         choice = tuple(Step(op, term if at == i else old) for at, (op, old) in enumerate(start) if at != j)
