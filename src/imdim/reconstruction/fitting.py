@@ -105,6 +105,8 @@ def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndar
     known = measure(plain, shown, rows, deadline)
     moved, stayed = (negative_log_density(p, shown, known.noise, SAMPLED) for p in (known.program, plain))
     if not moved < stayed - DOUBT:
+        if deadline.has_passed():
+            return plain
         known = measure(plain, shown, rows, deadline, rounds=0)
     bounds = MeasuredLeaves.of(known)
     measured = map_leaves(known.program, lambda _, leaf: canonical(leaf))
@@ -112,11 +114,11 @@ def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndar
         return measured
     config = SnapConfig(max_move=ROUNDED, equalise=False)
     snapped = bounds.round_sizes(snap(measured, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))
-    return _keep_likely(measured, snapped, shown, known.noise)
+    return _keep_likely(measured, snapped, shown, known.noise, deadline)
 
 
-def _keep_likely(measured: Program, snapped: Program, points: np.ndarray, noise: Noise) -> Program:
-    """The `measured` program with as many of the `snapped` leaves as its points [n, 3] allow.
+def _keep_likely(measured: Program, snapped: Program, points: np.ndarray, noise: Noise, deadline: Deadline = NEVER) -> Program:
+    """The `measured` program with as many of the `snapped` leaves as its points [n, 3] allow, all or none past the deadline.
 
     At the true numbers twice the logarithm of the likelihood is less than at the likeliest by a chi-squared number of as many degrees as
     there are numbers (Wilks 1938). That each is within its own interval does not say that all are together.
@@ -132,8 +134,10 @@ def _keep_likely(measured: Program, snapped: Program, points: np.ndarray, noise:
         lost = negative_log_density(trial, points, noise, SAMPLED) - best
         return lost <= _chi_squared_95(rounded) / (2 * len(points)) + DOUBT
 
+    if is_likely(snapped):
+        return snapped
     changed = [i for i, (one, other) in enumerate(zip(old, new, strict=True)) if one != other]
-    return accept_changes(measured, changed, put, is_likely, LIKELY_TRIES)
+    return accept_changes(measured, changed, put, lambda trial: not deadline.has_passed() and is_likely(trial), LIKELY_TRIES)
 
 
 def _chi_squared_95(degrees: int) -> float:

@@ -330,3 +330,14 @@ def test_an_outline_that_a_search_begins_with_is_drawn_anew():
     assert isinstance(found, Primitive)
     assert found.outline is not None
     assert found.outline.curve_count <= 6
+
+
+def test_an_outline_takes_the_place_of_a_part_and_the_cut_that_rounds_it():
+    """Each alone would stay: with the cut left in its place the outline has more numbers than the box."""
+    bar = Primitive("extrude", (8.0,), outline=Outline((((-30, -15, 0), (15, -15, 1), (15, 15, 0), (-30, 15, 0)),)))
+    end = Outline((((0, -20, 0), (45, -20, 0), (45, 20, 0), (0, 20, 0), (0, 15, -1), (0, -15, 0)),))
+    begun = cut(box(70, 30, 8, (5.0, 0.0, 0.0)), Primitive("extrude", (20.0,), (15.0, 0.0, 0.0), outline=end))
+    assert volume_iou(to_manifold(begun), to_manifold(bar)) > 0.99
+    found = settled(begun, cloud(bar, n=3000), lent=[bar]).program
+    assert isinstance(found, Primitive)
+    assert volume_iou(to_manifold(found), to_manifold(bar)) > 0.99
