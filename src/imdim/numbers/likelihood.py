@@ -47,7 +47,8 @@ class Noise:
 @dataclass(frozen=True)
 class SurfaceSamples:
     """Samples of a program's surface, of what can be seen of it: `points`, outward `normals` [m, 3], its `area`, the share of it whose wall
-    is a `skin`, the share of the leaves' surfaces that is `seen`, and which `leaf` [m] of the program each is on, empty for places that are no program's."""
+    is a `skin`, the share of the leaves' surfaces that is `seen`, and which `leaf` [m] of the program each is on, empty for places that
+    are of no program."""
 
     points: np.ndarray
     normals: np.ndarray
