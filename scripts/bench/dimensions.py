@@ -36,7 +36,7 @@ PLACED = 1e-3  # of the size of a part, from which on a shift is counted
 
 def main() -> None:
     rows: list[dict[str, Any]] = []
-    for rng, number, folder, budget in asked_parts(__doc__, Path("out/dimensions")):
+    for rng, number, folder, budget, _ in asked_parts(__doc__, Path("out/dimensions")):
         made, turn = design(rng, number), _turn(rng)
         if not (folder / "program.json").exists():
             fit(made.build(made.values).transform(turn), folder, budget)

@@ -54,7 +54,7 @@ class PlantedHole:
 
 def main() -> None:
     rows = []
-    for rng, number, folder, budget in asked_parts(__doc__, Path("out/holes")):
+    for rng, number, folder, budget, _ in asked_parts(__doc__, Path("out/holes")):
         solid, holes, thickness = plant(rng, number)
         if not (folder / "program.json").exists():
             fit(solid, folder, budget)

@@ -50,7 +50,7 @@ class Planted(NamedTuple):
 
 def main() -> None:
     rows = []
-    for rng, number, folder, budget in asked_parts(__doc__, Path("out/lettering"), parts=20):
+    for rng, number, folder, budget, _ in asked_parts(__doc__, Path("out/lettering"), parts=20):
         planted = plant(rng, number)
         if not (folder / "fitted.json").exists():
             fit(planted.solid, folder, budget)

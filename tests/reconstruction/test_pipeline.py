@@ -14,10 +14,12 @@ from tests.planted import ALONG_X, PARTS, box, cone, cut, cylinder, mesh_of, sph
 
 import imdim
 from imdim.geometry.census import census_of
+from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.sampling import surface_points
-from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh, volume_iou
 from imdim.program.codec import dumps
 from imdim.program.cost import count
+from imdim.program.edges import EdgeFeature, Face
 from imdim.program.outline import circle_of
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction import one_body, pipeline, several_bodies
@@ -198,13 +200,27 @@ def test_a_scrap_of_surface_beside_a_body_is_left_out_and_told():
 
 
 def test_where_no_edges_are_looked_for_it_is_told():
-    """Of a cloud, and of a mesh that is open, fillets and chamfers are part of the shape or left out."""
+    """Of a mesh that is open fillets and chamfers are part of the shape or left out; of a cloud its points tell them."""
     closed = mesh_of(box(10, 20, 30))
     opened = trimesh.Trimesh(closed.vertices, closed.faces[1:], process=False)
     points = np.asarray(trimesh.sample.sample_surface(closed, 2000, seed=1)[0])
-    for given, told in ((closed, []), (opened, [pipeline.NO_EDGES]), (points, [pipeline.NO_EDGES])):
+    for given, told in ((closed, []), (opened, [pipeline.NO_EDGES]), (points, [])):
         assert list(snapshots(given)[-1].notes) == told
     assert not snapshots(points, language="csg")[-1].notes  # nobody asked for them
+
+
+def test_the_edges_of_a_cloud_are_features_of_its_sharp_program():
+    """A plate with a round rim was an intersection of boxes, cones and drawings."""
+    plate = box(50.0, 35.0, 10.0)
+    rim = EdgeFeature("fillet", (3.0,), tuple((Face(0, "+z"), Face(0, side)) for side in ("+x", "-x", "+y", "-y")))
+    mesh = to_trimesh(solid_with_edges(plate, [rim]))
+    last = snapshots(np.asarray(trimesh.sample.sample_surface(mesh, 4000, seed=1)[0]))[-1]
+    (leaf,), (feature,) = leaves(last.program), last.edges
+    assert (leaf.kind, leaf.size) == ("box", (50.0, 35.0, 10.0))
+    assert (feature.kind, feature.sizes) == ("fillet", (3.0,))
+    assert {frozenset(pair) for pair in feature.edges} == {frozenset(pair) for pair in rim.edges}
+    (known,) = last.edge_sizes
+    assert abs(known.sizes[0] - 3.0) < 0.03
 
 
 def test_the_box_of_a_body_that_no_time_is_left_for_lies_as_the_body_does():

@@ -159,7 +159,9 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
         snapshots = _until_stopped(step.watch(snapshots if quiet else show_progress(snapshots, left)))
         last = pipeline.exhaust(snapshots, stages)
         said = {key: printable(value) if isinstance(value, str) else value for key, value in asdict(settings).items()}
-        run = RunRecord(said["input"], stages, last.stop or "finished", settings.seed, said, last.proof, last.noisy, last.noise)
+        run = RunRecord(
+            said["input"], stages, last.stop or "finished", settings.seed, said, last.proof, last.noisy, last.noise, last.edge_sizes
+        )
         for note in last.notes if not quiet else ():
             sys.stderr.write(f"imdim: {note}\n")
         target = replace(target, notes=(*target.notes, *last.notes))

@@ -21,7 +21,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.delivery.evaluate import DeliveryLoss, evaluate_solid, read_solid
 from imdim.delivery.films import find_film
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
-from imdim.delivery.intervals import state_intervals, with_remarks
+from imdim.delivery.intervals import StatedInterval, state_edge_intervals, state_intervals, with_remarks
 from imdim.delivery.report import RunRecord, dumps, report_of
 from imdim.delivery.verdict import judge
 from imdim.export import html
@@ -35,7 +35,7 @@ from imdim.export.parameters import parametrise
 from imdim.export.preview import SUPERSAMPLE, preview
 from imdim.export.step_worker import StepWorker, exporting, finish_or_skip_step
 from imdim.geometry.census import census_of
-from imdim.geometry.edge_solids import solid_with_edges
+from imdim.geometry.edge_solids import solid_with_edges, with_edges
 from imdim.geometry.solid import SEGMENTS, join_touching, mesh_to_manifold, to_trimesh
 from imdim.program.codec import Meta
 from imdim.program.codec import dumps as program_text
@@ -88,7 +88,7 @@ def deliver(
             sharp = join_touching(program, segments)
             solid = solid_with_edges(program, found.edges, segments, join_touching) if found.edges else sharp
             drawn = do_edges_matter(sharp.volume(), solid.volume())
-            intervals = state_intervals(found, target, finish_by) if run.noisy else None
+            intervals = _state_intervals(found, target, run, finish_by) if run.noisy else None
             texts = compose_texts(found, meta, segments, drawn, finish_by) | ({} if named is None else dict(named.texts))
             texts["program.scad"] = with_remarks(texts["program.scad"], intervals or {})
             _write(texts, partial)
@@ -103,7 +103,8 @@ def deliver(
                 kept = DeliveryLoss.of(given, sharp, target, segments, None if found.edges else scores.volume_iou)
             with _time(seconds, "verdict"):
                 surface = to_trimesh(delivered)
-                verdict = judge(target, surface, segments, program, run.noisy, run.noise)
+                shown = program if target.mesh is not None else with_edges(program, found.edges)
+                verdict = judge(target, surface, segments, shown, run.noisy, run.noise)
                 coloured = verdict.colour(target)
             with _time(seconds, "preview"):
                 supersample = 1 if draw_by.has_passed() else SUPERSAMPLE
@@ -125,6 +126,12 @@ def deliver(
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report
+
+
+def _state_intervals(found: FinishedProgram, target: Target, run: RunRecord, deadline: Deadline) -> dict[str, StatedInterval]:
+    """The intervals of all names, those of edge features too."""
+    edges = state_edge_intervals(found.edges, run.edge_sizes) if run.edge_sizes else {}
+    return {**state_intervals(found, target, deadline), **edges}
 
 
 def _parted(solid: Manifold, target: Target) -> Iterator[str]:

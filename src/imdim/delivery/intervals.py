@@ -22,9 +22,11 @@ from imdim.numbers.design_values import is_designed
 from imdim.numbers.information import Coordinates
 from imdim.numbers.measured import measure
 from imdim.numbers.measured_leaves import MeasuredLeaves
+from imdim.program.edges import EdgeFeature
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Outline, arc_center, arc_radius, loop_curves
 from imdim.program.tree import leaves
+from imdim.reconstruction.edge_features import MeasuredSizes
 from imdim.relations.residuals import rows_of
 from imdim.target.target import Target, sample_surface
 
@@ -107,6 +109,16 @@ def state_intervals(found: FinishedProgram, target: Target, deadline: Deadline =
     common = MeasuredLeaves.of(known).common
     numbers = zip(values.items(), measured.tolist(), half.tolist(), strict=True)
     return {n: StatedInterval(v, m, h, is_designed(v, m, h, common)) for (n, v), m, h in numbers if np.isfinite(h)}
+
+
+def state_edge_intervals(edges: Sequence[EdgeFeature], measured: Sequence[MeasuredSizes]) -> dict[str, StatedInterval]:
+    """The interval of each size of edge features, of which a cloud `measured` the sizes."""
+    sizes = [
+        (name, value, size, known.half)
+        for feature, known in zip(edges, measured, strict=True)
+        for name, value, size in zip(feature.size_names, feature.sizes, known.sizes, strict=True)
+    ]
+    return {name: StatedInterval(value, size, half, is_designed(value, size, half, half)) for name, value, size, half in sizes}
 
 
 def with_remarks(text: str, intervals: Mapping[str, StatedInterval]) -> str:

@@ -29,6 +29,7 @@ from imdim.program.hole_groups import HoleGroup
 from imdim.program.metric import screw_of
 from imdim.program.repeats import Folded, Repeat, copies_of, repeats, size
 from imdim.program.tree import leaves, longest
+from imdim.reconstruction.edge_features import MeasuredSizes
 from imdim.target.target import Target
 
 FORMAT, VERSION = "imdim-report", 1
@@ -42,6 +43,7 @@ class RunRecord:
 
     `proof` says whether it was proved minimal, and why not; it is empty where the method does not ask. `noisy` is whether its numbers are
     measured off a noisy cloud or scan, rather than exact, and `noise` what was measured of the target, None where nobody did.
+    `edge_sizes` are what a cloud says of the sizes of each edge feature.
     """
 
     input: str
@@ -52,6 +54,7 @@ class RunRecord:
     proof: str = ""
     noisy: bool = False
     noise: MeasuredNoise | None = None
+    edge_sizes: tuple[MeasuredSizes, ...] = ()
 
 
 def report_of(

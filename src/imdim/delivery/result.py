@@ -35,6 +35,7 @@ from imdim.program.front import Choice
 from imdim.program.tree import Program
 from imdim.reconstruction import pipeline
 from imdim.reconstruction.config import Settings, check
+from imdim.reconstruction.edge_features import MeasuredSizes
 from imdim.target.placement import place
 from imdim.target.target import Target, frame_meta, load_target, target_from
 
@@ -46,7 +47,7 @@ class Reconstruction:
     """What was found for `target`, in its units.
 
     `constraints` hold for `program`, and `edges` are fillets and chamfers of it. `front` holds programs from crude to exact, `error`,
-    `stop`, `proof`, `notes`, `noisy` and `noise` are as a `pipeline.Snapshot`'s. `stages` are seconds.
+    `stop`, `proof`, `notes`, `noisy`, `noise` and `edge_sizes` are as a `pipeline.Snapshot`'s. `stages` are seconds.
     """
 
     target: Target
@@ -63,6 +64,7 @@ class Reconstruction:
     stages: Mapping[str, float]
     noisy: bool = False
     noise: MeasuredNoise | None = None
+    edge_sizes: tuple[MeasuredSizes, ...] = ()
 
     def __repr__(self) -> str:
         return f"<{self.target.name}: {count(self.program)}, error {self.error:.3g}, {sum(self.stages.values()):.1f} s ({self.stop})>"
@@ -82,7 +84,7 @@ class Reconstruction:
         if not force:
             check_untouched(Path(folder))
         name = self.settings.input or self.target.name
-        run = RunRecord(name, self.stages, self.stop, self.seed, asdict(self.settings), self.proof, self.noisy, self.noise)
+        run = RunRecord(name, self.stages, self.stop, self.seed, asdict(self.settings), self.proof, self.noisy, self.noise, self.edge_sizes)
         target = replace(self.target, notes=(*self.target.notes, *self.notes))
         rest = {"constraints": self.constraints, "front": self.front, "edges": self.edges}
         return deliver(self.program, target, Path(folder), run, self.settings.segments, step_limit_s, **rest)
@@ -178,4 +180,5 @@ def reconstruct(
     first_run.compile_kernels(sys.stderr, cloud=target.mesh is None)
     last = pipeline.exhaust(pipeline.reconstruct(target, settings, np.random.default_rng(seed)), stages)
     found = (last.program, last.edges, last.constraints, last.front, last.error, last.stop or "finished", last.proof, last.notes)
-    return Reconstruction(target, *found, settings=settings, seed=seed, stages=stages, noisy=last.noisy, noise=last.noise)
+    known = {"noisy": last.noisy, "noise": last.noise, "edge_sizes": last.edge_sizes}
+    return Reconstruction(target, *found, settings=settings, seed=seed, stages=stages, **known)

@@ -172,7 +172,7 @@ def _along(
     The solid lies within `radius` of `middle`. An edge is no longer than the faces, of which `ends` are corners, none for those that have
     no end along it: where one touches the next, the solid alone does not show where it ends.
     """
-    for track in _tracks(one, two, COAXIAL * radius):
+    for track in tracks_between(one, two, COAXIAL * radius):
         if track.is_round:
             span = (0.0, 2 * math.pi)
             places = track.radius * 2 * math.pi / size * PER_SIZE
@@ -281,7 +281,7 @@ def _beyond(track: Track, stretch: Interval, step: float) -> tuple[np.ndarray, n
     return np.array([stretch.low - past, stretch.high + past]), np.broadcast_to(way, (2, 2))
 
 
-def _tracks(one: Surface, two: Surface, slack: float) -> Iterator[Track]:
+def tracks_between(one: Surface, two: Surface, slack: float) -> Iterator[Track]:
     """The lines or circles in which two carriers meet under an angle that does not change along them."""
     if one.kind == two.kind == "plane":
         a, b = np.asarray(one.axis), np.asarray(two.axis)

@@ -45,11 +45,21 @@ GATHERED = 1e-2  # of a size, within which chains have one
 
 
 @dataclass(frozen=True)
+class MeasuredSizes:
+    """What the points of a cloud say of the sizes of an edge feature, and half of the 95 % interval of each."""
+
+    sizes: tuple[float, ...]
+    half: float
+
+
+@dataclass(frozen=True)
 class EdgesFound:
-    """Edge features of a program, and a sentence for each chain of the target that is none of them."""
+    """Edge features of a program, a sentence for each chain of the target that is none of them, or for edges that its points leave open,
+    and what a cloud `measured` of each feature."""
 
     features: tuple[EdgeFeature, ...]
     left_out: tuple[str, ...]
+    measured: tuple[MeasuredSizes, ...] = ()
 
 
 class SetAside(NamedTuple):
@@ -125,7 +135,7 @@ def find_edge_features(program: Program, chains: Sequence[Chain], target: Target
     left_out: list[str] = []
     taken: list[BlendedEdge] = []
     for group in _gathered(chains):
-        sizes = _tidy(group[0].sizes)
+        sizes = tidy_sizes(group[0].sizes)
         edges: list[tuple[Face, Face]] = []
         lost = 0
         for chain in group:
@@ -150,7 +160,7 @@ def find_edge_features(program: Program, chains: Sequence[Chain], target: Target
 
 def describe_kept(chains: Sequence[Chain]) -> str:
     """A sentence about chains of a target that stay in its shape."""
-    said = dict.fromkeys(describe_size(chain.kind, _tidy(chain.sizes)) for chain in chains)
+    said = dict.fromkeys(describe_size(chain.kind, tidy_sizes(chain.sizes)) for chain in chains)
     return f"{len(chains)} chains of {', '.join(said)} could not be taken off: they are part of the shape"
 
 
@@ -170,7 +180,7 @@ def _is_like(one: Sequence[float], two: Sequence[float]) -> bool:
     return len(one) == len(two) and all(abs(a - b) <= GATHERED * max(a, b) for a, b in zip(sorted(one), sorted(two), strict=True))
 
 
-def _tidy(sizes: Sequence[float]) -> tuple[float, ...]:
+def tidy_sizes(sizes: Sequence[float]) -> tuple[float, ...]:
     """Sizes rounded as far as they bear it, smaller first; one where two are equal."""
     rounded = sorted(next((r for d in range(-1, 6) if (r := round(s, d)) > 0 and abs(r - s) <= TIDY * s), s) for s in sizes)
     return tuple(rounded[:1]) if _is_like(rounded[:1], rounded[-1:]) else tuple(rounded)

@@ -10,6 +10,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
+from imdim.detection.cloud_sharpen import CloudBlend, sharpen_cloud
 from imdim.detection.cloud_surfaces import detect_cloud
 from imdim.detection.faceting import volume_between
 from imdim.detection.implied_planes import closing_planes
@@ -32,6 +33,7 @@ from imdim.target.target import InputError, Target
 
 SAMPLES = 150_000  # labelled, spread over the cells
 DOUBT = 8.0  # times the price of a feature in noise, whose samples are often on the wrong side of thin parts
+SHARPENED = 3  # times that edges of a cloud are sharpened: faces come out that were blends' neighbours
 LEAST_WALL = 3e-4  # of a body's surface, that a wall of an outline shows
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 
@@ -191,8 +193,10 @@ def observe(
     Of a cloud, no more surfaces are looked for past `detect_by`, and no more samples are asked for their side past `label_by` (by default
     all are). Raises UnseenError.
     """
-    unit = body.target
     patches, closing, noise = _surfaces(body, rng, detect_by)
+    if outlines and body.target.mesh is None:
+        body, patches, closing = _sharpen(body, patches, closing, noise, rng, detect_by)
+    unit = body.target
     cut = unit.mesh is None and detect_by.has_passed()
     if not patches:
         raise UnseenError(f"{unit.name}: no plane, sphere, cylinder, cone, torus or ellipsoid found in {len(unit.points)} points", cut)
@@ -228,6 +232,22 @@ def _surfaces(body: UnitBody, rng: np.random.Generator, deadline: Deadline) -> t
         return body.patches, [], body.noise
     patches, noise = detect_cloud(unit.points, unit.normals, body.noise, rng, deadline=deadline)
     return patches, closing_planes(patches, noise.spacing), noise
+
+
+def _sharpen(
+    body: UnitBody, patches: list[Patch], closing: list[Surface], noise: NoiseModel, rng: np.random.Generator, deadline: Deadline
+) -> tuple[UnitBody, list[Patch], list[Surface]]:
+    """A cloud without the fillets and chamfers that its surfaces show, and its surfaces then, as far as there is time."""
+    known: tuple[CloudBlend, ...] = ()
+    for _ in range(SHARPENED):
+        if deadline.has_passed():
+            break
+        sharp = sharpen_cloud(body.target.points, body.target.normals, patches, noise, known)
+        if sharp is None:
+            break
+        body, known = replace(body, target=replace(body.target, points=sharp.points, normals=sharp.normals)), sharp.blends
+        patches, closing, _ = _surfaces(body, rng, deadline)
+    return body, patches, closing
 
 
 def _labeller(unit: Target, patches: list[Patch], deadline: Deadline) -> Callable[[np.ndarray], np.ndarray]:

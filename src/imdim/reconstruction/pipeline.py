@@ -16,6 +16,7 @@ import trimesh
 
 from imdim.detection.noise import MeasuredNoise
 from imdim.export.chance import end_together
+from imdim.geometry.sampling import subsample
 from imdim.install import install_command
 from imdim.program.constraints import Constraint
 from imdim.program.edges import EdgeFeature
@@ -24,8 +25,9 @@ from imdim.program.tree import Program
 from imdim.reconstruction.body_state import BodyState, turn_back_states
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import thin_front
+from imdim.reconstruction.cloud_edges import find_cloud_edges
 from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_choices, lacking, require_extra
-from imdim.reconstruction.edge_features import describe_kept, find_edge_features
+from imdim.reconstruction.edge_features import EdgesFound, MeasuredSizes, describe_kept, find_edge_features
 from imdim.reconstruction.fitting import find_relations
 from imdim.reconstruction.methods import CUT, METHODS, evolve_from
 from imdim.reconstruction.one_body import GUESSING, Work, fit_body, shows_edges
@@ -42,6 +44,9 @@ if TYPE_CHECKING:
 NO_EDGES = "fillets and chamfers are only looked for on closed meshes: here they are part of the shape, or left out"
 
 
+MOST_POINTS = 20_000  # of a cloud, that tell of its edges
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """The state of a run: `program` in the target's units, `error` relative to the target's volume, `seconds` since the start.
@@ -51,7 +56,8 @@ class Snapshot:
     an evolution shows its front as it goes. `proof` says whether the program was proved minimal, and why not; it is empty where the
     method does not ask. The last one's `notes` say, a sentence each, what was left out, and its `edges` are the target's fillets and
     chamfers, which were set aside: the program is that of the sharp part, and `error` is relative to it. `noisy` is whether its numbers are
-    measured off a noisy cloud or a scan, `noise` what was measured of the target, None where nobody did.
+    measured off a noisy cloud or a scan, `noise` what was measured of the target, None where nobody did; `edge_sizes` are what the points
+    of a cloud say of the sizes of each of the `edges`.
     """
 
     stage: str
@@ -66,6 +72,7 @@ class Snapshot:
     edges: tuple[EdgeFeature, ...] = ()
     noisy: bool = False
     noise: MeasuredNoise | None = None
+    edge_sizes: tuple[MeasuredSizes, ...] = ()
 
 
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, now: Callable[[], float] | None = None) -> Iterator[Snapshot]:
@@ -121,17 +128,26 @@ def _snapshots(states: Iterable[BodyState], target: Target, work: Work, left_out
     constraints = end_together(program, constraints)
     error = last.error if program == last.program else last.measure(program)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in thin_front(last.front, last.program))
-    edges = find_edge_features(program, last.chains, target)
+    edges = _find_edges(program, last, target, work)
     notes = (
         *work.notes,
         *(f"{error}; left out" for error in left_out),
         *edges.left_out,
         *([describe_kept(last.kept)] if last.kept else []),
-        *([NO_EDGES] if work.settings.language == "cad" and not (last.shows_edges or edges.features) else []),
+        *([NO_EDGES] if target.mesh is not None and work.settings.language == "cad" and not (last.shows_edges or edges.features) else []),
     )
     stop = CUT if solver and relate_by.has_passed() else last.stop
     spent, found = work.budget.seconds(), edges.features
-    yield Snapshot("finished", program, error, spent, stop, front, constraints, last.proof, notes, found, last.noisy, last.noise)
+    yield Snapshot(
+        "finished", program, error, spent, stop, front, constraints, last.proof, notes, found, last.noisy, last.noise, edges.measured
+    )
+
+
+def _find_edges(program: Program, last: BodyState, target: Target, work: Work) -> EdgesFound:
+    """The fillets and chamfers of a program: of a mesh those that were set aside, of a cloud those that its points show."""
+    if target.mesh is not None or work.settings.language != "cad" or last.noise is None:
+        return find_edge_features(program, last.chains, target)
+    return find_cloud_edges(program, subsample(target.points, MOST_POINTS), last.noise.model, work.budget.end_of("relate"))
 
 
 def _without_stand_ins(last: BodyState, target: Target, work: Work) -> BodyState:
