@@ -282,6 +282,12 @@ def test_few_features_are_twelve_and_only_counted_beside_curves():
     assert "features" not in markdown([Row("plain", primitives=3)])
 
 
+def test_parts_without_a_step_file_are_told():
+    rows = [Row("solid", step=True), Row("late"), Row("failed", stop="FAILED")]
+    assert "without STEP: 2" in summary(rows, 60.0)
+    assert [line.split(" | ")[-2] for line in markdown(rows).splitlines()[2:]] == ["yes", "no", "no"]
+
+
 def test_this_projects_own_scorer_counts_the_curves_of_outlines(tmp_path):
     to_trimesh(to_manifold(BORED, 96)).export(tmp_path / "part.stl")
     (tmp_path / "program.scad").write_text(to_openscad(BORED))

@@ -42,7 +42,7 @@ class Row:
     """One part; `hausdorff` is relative to the target's diagonal, `seconds` are of the fit's whole command.
 
     `curves` are those of outlines, None where nobody counts them; what they bound is a feature, counted among the `primitives`, each copy
-    too. `distinct` is how many of these are no copies, as the report has it.
+    too. `distinct` is how many of these are no copies, as the report has it, and `step` whether the part came with a STEP file.
     """
 
     part: str
@@ -57,6 +57,7 @@ class Row:
     stop: str = ""
     curves: int | None = None
     distinct: int | None = None
+    step: bool = False
 
 
 class Judgement(NamedTuple):
@@ -96,6 +97,7 @@ def benchmarked(task: Task, part: Path, folder: Path, settings: Sequence[str]) -
     try:
         report = json.loads((folder / "report.json").read_text())
         row.stop, row.search_s = report["stop"], sum(report["timing"]["stages_s"].values())
+        row.step = (folder / "program.step").is_file()
         row.distinct = report.get("result", {}).get("without_copies")
         judged = score(part, folder / "program.scad", Path(task.scorer) if task.scorer else None)
         row.iou, row.hausdorff, row.primitives, row.curves = judged

@@ -39,11 +39,11 @@ def line(row: Row) -> str:
 def markdown(rows: list[Row]) -> str:
     """The table, one row per part; features and curves where curves are counted."""
     sizes = ("features", "curves") if _are_counted(rows) else ("primitives",)
-    names = ("part", "IoU", "Hausdorff / diagonal", *sizes, "reference", "reference IoU", "seconds", "peak MiB", "stop")
+    names = ("part", "IoU", "Hausdorff / diagonal", *sizes, "reference", "reference IoU", "seconds", "peak MiB", "STEP", "stop")
     body = [
         (
             *(r.part, f"{r.iou:.4f}", f"{r.hausdorff:.4f}", *map(_or, (r.primitives, r.curves)[: len(sizes)]), _or(r.reference)),
-            *(_or(r.reference_iou), f"{r.seconds:.1f}", f"{r.peak_mib:.0f}", r.stop),
+            *(_or(r.reference_iou), f"{r.seconds:.1f}", f"{r.peak_mib:.0f}", "yes" if r.step else "no", r.stop),
         )
         for r in rows
     ]
@@ -61,6 +61,7 @@ def summary(rows: list[Row], budget: float) -> list[str]:
         few = sum(r.iou >= 0.99 and _primitives(r) <= FEW for r in rows)
         lines.append(f"IoU >= 0.99 with at most {FEW} features: {_share(few, count)}")
         lines.append(f"median features: {statistics.median(map(_primitives, rows)):g}, without copies {_median_distinct(rows)}")
+    lines.append(f"without STEP: {sum(not r.step for r in rows)}")
     lines.append(f"mean IoU {statistics.fmean(r.iou for r in rows):.4f}")
     if known:
         lines.append(f"no more primitives than the reference: {_share(len(short), len(known))}")

@@ -87,6 +87,16 @@ def test_a_brace_is_a_line_of_its_bracket_and_no_block_that_is_held_back() -> No
     assert is_hardly_longer(cut(walls, brace), drawn, -half, half)
 
 
+def test_what_is_taken_apart_already_is_not_to_become_longer() -> None:
+    """Three holes on a line of the plate say one number more than the drawing: hardly more, but more."""
+    plain = cut(box(0.8, 0.6, 0.1), *(cylinder(0.05, 0.2, (x, y, 0.0)) for x, y in HOLES))
+    skew = cut(box(0.8, 0.6, 0.1), *(cylinder(0.05, 0.2, (x, y + 0.01 * (x > 0 > y), 0.0)) for x, y in HOLES))
+    assert reading_length(skew, -HALF, HALF) > reading_length(plain, -HALF, HALF)
+    assert is_hardly_longer(skew, plain, -HALF, HALF)
+    assert not is_hardly_longer(skew, plain, -HALF, HALF, 1.0)
+    assert is_hardly_longer(plain, plain, -HALF, HALF, 1.0)
+
+
 def test_a_turned_frame_has_the_numbers_of_its_own_directions() -> None:
     turned = Primitive("box", (0.6, 0.8, 0.1), (0.0, 0.0, 0.0), (0.0, 0.0, 90.0))
     assert count_numbers(turned, -HALF, HALF) == 3

@@ -81,8 +81,8 @@ def test_what_was_too_hard_for_the_solver_is_asked_again_at_the_end_alone(proofs
     assert [count(program).primitives for program in programs] == asked
 
 
-@pytest.mark.parametrize(("blocks", "proof"), [(2, "asked"), (16, "")])
-def test_nothing_is_proved_of_primitives_that_are_too_many_to_be_taken(monkeypatch, blocks, proof):
+@pytest.mark.parametrize(("blocks", "is_taken"), [(2, True), (16, False)])
+def test_nothing_is_proved_of_primitives_that_are_too_many_to_be_taken(monkeypatch, blocks, is_taken):
     """A proof may take ten seconds, of a program that is then left for a drawing."""
     corners = ((-5.0, -5.0), (5.0, -5.0), (5.0, 0.0), (0.0, 0.0), (0.0, 5.0), (-5.0, 5.0))
     drawn = Primitive("extrude", (4.0,), outline=Outline((tuple((x, y, 0.0) for x, y in corners),)))
@@ -91,12 +91,35 @@ def test_nothing_is_proved_of_primitives_that_are_too_many_to_be_taken(monkeypat
     families = SimpleNamespace(arrangement=SimpleNamespace(bounds=bounds))
     seen = SimpleNamespace(noisy=False, faceting=0.0, error=lambda _: 0.0, target=SimpleNamespace(mesh=1), families=families)
     seen.without_outlines = seen
-    monkeypatch.setattr(methods, "_search_and_touch_up", lambda run, proofs: iter([MethodStep("search", found)]))
-    monkeypatch.setattr(methods, "_prove", lambda best, proofs: replace(best, proof="asked"))
+    asked: list[Program] = []
+
+    def prove(best: MethodStep, _: Proofs) -> MethodStep:
+        asked.append(best.program)
+        return best
+
+    monkeypatch.setattr(methods, "_search_and_touch_up", lambda run, proofs, is_wanted: iter([MethodStep("search", found)]))
+    monkeypatch.setattr(methods, "_prove", prove)
     run = Run(seen, Settings(), lambda: None, Budget(60.0), np.random.default_rng(0))  # type: ignore[arg-type]
     step = methods._search_primitives(run, MethodStep("search", drawn), MethodStep("search", drawn))
-    assert step is not None
-    assert (step.program, step.proof) == (found, proof)
+    assert (step is not None, asked) == (is_taken, [found] * is_taken)
+
+
+def test_the_search_asks_no_proof_of_what_nobody_wants(monkeypatch):
+    """Programs that the search for primitives passes through are proved only where they may be taken for a drawing."""
+    asked: list[int] = []
+    steps = [SimpleNamespace(sequence=[1], families=None)] * 2
+    monkeypatch.setattr(methods, "search_structure", lambda *_: iter(steps))
+    monkeypatch.setattr(methods, "to_program", lambda *_: union(PLATE, *PINS))
+    monkeypatch.setattr(methods, "tidy", lambda found, _: found)
+    monkeypatch.setattr(methods, "transfer", lambda found, _: found)
+    families, cells = SimpleNamespace(), SimpleNamespace(volume=1.0)
+    evidence = SimpleNamespace(exact=False)
+    seen = SimpleNamespace(noisy=False, size_weight=1e-3, cells=cells, families=families, evidence=evidence, copies_once=True)
+    run = Run(seen, Settings(), lambda: None, Budget(60.0), np.random.default_rng(0))  # type: ignore[arg-type]
+    proofs = SimpleNamespace(early=lambda program: asked.append(count(program).primitives))
+    for is_wanted, times in ((False, 0), (True, 2)):
+        list(methods._search_structure(run, proofs, lambda _, wanted=is_wanted: wanted))  # type: ignore[arg-type]
+        assert len(asked) == times
 
 
 def test_where_time_is_out_no_candidates_are_listed(proofs, monkeypatch):

@@ -36,7 +36,7 @@ from imdim.reconstruction.design_events import PartBox
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
-from imdim.reconstruction.plain_program import SAME, has_drawings, is_hardly_longer, is_plainer, may_be_plain, repeats_plainly
+from imdim.reconstruction.plain_program import MORE, SAME, has_drawings, is_hardly_longer, is_plainer, may_be_plain, repeats_plainly
 from imdim.reconstruction.policy_beam import PolicyOf, has_time_for_beam, misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import DEARER, Proofs
@@ -315,15 +315,22 @@ def _is_free_of(solid: Manifold, deadline: Deadline) -> Callable[[Program], bool
 
 
 def _search_primitives(run: Run, drawn: MethodStep, best: MethodStep) -> MethodStep | None:
-    """What primitives alone tell, where they may instead of what is `drawn` and there is time to look for them. Nothing is proved of
-    what is too long to be taken for the `best`."""
+    """What primitives alone tell, where they may instead of what is `drawn` and there is time to look for them. Where the best is the
+    drawings taken apart, its features are plain, and more to read than there is in these is too much. Nothing is proved of what is too
+    long to be taken for the `best`."""
     low, high = run.seen.families.arrangement.bounds
     if not (run.settings.synthesis and may_be_plain(drawn.program, low, high)) or run.part_of("starts").has_passed():
         return None
     # evolution shortens what is long, and a long program is not taken
     settings = replace(run.settings, evolution=False)
     alone = replace(run, seen=run.seen.without_outlines, settings=settings, rng=run.rng.spawn(1)[0])
-    return _last(_search_all(alone, lambda program: is_hardly_longer(program, best.program, low, high)))
+    more = MORE if best.program == drawn.program else 1.0
+
+    def is_wanted(program: Program) -> bool:
+        return is_hardly_longer(program, best.program, low, high, more)
+
+    found = _last(_search_all(alone, is_wanted))
+    return found if found is not None and is_wanted(found.program) else None
 
 
 def _last(steps: Iterator[MethodStep]) -> MethodStep | None:
@@ -331,11 +338,15 @@ def _last(steps: Iterator[MethodStep]) -> MethodStep | None:
     return left.pop() if left else None
 
 
-def _search_all(run: Run, is_wanted: Callable[[Program], bool] = lambda _: True) -> Iterator[MethodStep]:
-    """What `auto` does with one set of candidates; a proof is looked for where a program `is_wanted`."""
+def _want_any(program: Program) -> bool:
+    return True
+
+
+def _search_all(run: Run, is_wanted: Callable[[Program], bool] = _want_any) -> Iterator[MethodStep]:
+    """What `auto` does with one set of candidates; proofs are looked for where a program `is_wanted`."""
     best: MethodStep | None = None
     proofs = Proofs(run.seen, run.budget, run.share)
-    for best in _search_and_touch_up(run, proofs):
+    for best in _search_and_touch_up(run, proofs, is_wanted):
         yield best
     for source in (_grow_if_poor, _propose_if_poor):
         before, best = best, source(run, best)
@@ -407,18 +418,18 @@ METHODS: dict[str, Method] = {
 }
 
 
-def _search_and_touch_up(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
+def _search_and_touch_up(run: Run, proofs: Proofs, is_wanted: Callable[[Program], bool] = _want_any) -> Iterator[MethodStep]:
     passed: list[Program] = []
     step: MethodStep | None = None
-    for step in _search_structure(run, proofs):
+    for step in _search_structure(run, proofs, is_wanted):
         passed.append(step.program)
         yield replace(step, others=tuple(passed))
     if step is not None:
         yield from _touch_up(run, replace(step, others=tuple(passed)))
 
 
-def _search_structure(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
-    """Programs of the structure search, each better than the one before, until one is proved minimal."""
+def _search_structure(run: Run, proofs: Proofs, is_wanted: Callable[[Program], bool] = _want_any) -> Iterator[MethodStep]:
+    """Programs of the structure search, each better than the one before, until one that `is_wanted` is proved minimal."""
     seen, found, shortest, enough = run.seen, None, None, False
     if not run.settings.synthesis:
         yield from tree(run)
@@ -435,7 +446,8 @@ def _search_structure(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
         program = to_program(found.sequence, found.families)
         yield MethodStep("search", program)
         # what the labels of a noisy cloud prove is not worth the time
-        program, proof = (None if seen.noisy or has_outlines(program) else proofs.early(program)) or (program, None)
+        is_asked = not (seen.noisy or has_outlines(program)) and is_wanted(program)
+        program, proof = (proofs.early(program) if is_asked else None) or (program, None)
         if proof and proof.program and (shortest is None or seen.price(program) < seen.price(shortest)):
             shortest = program
         enough = bool(proof and proof.minimal and proof.extra < WORTH_MORE)

@@ -88,22 +88,22 @@ def repeats_plainly(cells: Program, walls: Program, low: np.ndarray, high: np.nd
     return after < share * before
 
 
-def is_hardly_longer(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
-    """Whether there is hardly more to read in plainer features than in what they stand for - or, where they are many, clearly less - in the
-    program of a part that fills a box from `low` [3] to `high` [3]. Blocks that lean at odd angles are never plainer: a line of a drawing
+def is_hardly_longer(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray, more: float = MORE) -> bool:
+    """Whether there is hardly more to read in plainer features than in what they stand for, at most so many times as much - or, where they
+    are many, clearly less - in the program of a part that fills a box from `low` [3] to `high` [3]. Blocks that lean at odd angles are never plainer: a line of a drawing
     leans because it goes from here to there, or touches two circles. Nor are added ones that lean out of the part, held back by what they
     have in common with another: a brace is a line of its bracket's drawing."""
     if count_odd_directions(plain) > count_odd_directions(drawn) or _count_held_back(plain, low, high) > _count_held_back(drawn, low, high):
         return False
-    if reading_length(plain, low, high) <= _most(count(plain).primitives) * reading_length(drawn, low, high):
+    if reading_length(plain, low, high) <= _most(count(plain).primitives, more) * reading_length(drawn, low, high):
         return True
     # where even the drawings are many features, no more of them are to be feared
     share = FAR_LESS if count(drawn).primitives <= FEW else SLIGHTLY
     return length_read_once(plain, low, high) <= share * length_read_once(drawn, low, high)
 
 
-def _most(features: float) -> float:
-    return MORE if features <= FEW else LESS
+def _most(features: float, more: float = MORE) -> float:
+    return more if features <= FEW else LESS
 
 
 def _fewest_primitives(leaf: Primitive) -> float:
