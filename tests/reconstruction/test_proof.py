@@ -1,6 +1,5 @@
 """What a proof says beside the features that repeat."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +8,7 @@ from tests.planted import box, cut, cylinder, mesh_of, union
 
 from imdim.program.cost import CURVE, count
 from imdim.program.outline import Outline
-from imdim.program.tree import Primitive
+from imdim.program.tree import Primitive, Program
 from imdim.reconstruction import methods
 from imdim.reconstruction import proof as module
 from imdim.reconstruction.budget import Budget

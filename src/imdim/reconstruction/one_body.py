@@ -42,7 +42,7 @@ from imdim.reconstruction.config import Settings
 from imdim.reconstruction.edge_features import SetAside, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import fit_numbers, snap_measured
 from imdim.reconstruction.hole_ends import complete_holes
-from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, MethodStep, Run, time_to_propose
+from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, MethodStep, Run, has_outlines, time_to_propose
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, find_solid, observe
 from imdim.reconstruction.own_frame import is_placed, turn_back
 from imdim.reconstruction.plain_program import is_hardly_longer
@@ -50,6 +50,7 @@ from imdim.reconstruction.policy_beam import PolicyOf
 from imdim.reconstruction.polygon_sides import complete_polygons
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.reconstruction.rounding import settle_origin, snap_numbers
+from imdim.reconstruction.spare_parts import drop_spare
 from imdim.reconstruction.teeth_aside import Untoothed, set_teeth_aside
 from imdim.reconstruction.text_aside import Untexted, set_text_aside
 from imdim.reconstruction.threads_aside import Unthreaded, set_threads_aside
@@ -164,9 +165,21 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         if (bounded := _solid_in(seen, frame)) is not None and not fit_by.has_passed():
             last = replace(last, program=close_voids(join_bodies(last.program, bounded, fit_by), bounded, fit_by))
         if last.found is None:  # relations that were found are of all its parts
-            last = replace(last, program=drop_idle(last.program, fit_by))
+            last = replace(last, program=_drop_spare(drop_idle(last.program, fit_by), seen, frame, fit_by))
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
+
+
+def _drop_spare(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program:
+    """A mesh's program with drawings, in the body's units, without what costs more than it is worth. Of other programs it may be
+    proved that nothing less will do."""
+    if seen.solid is None or not seen.evidence.exact or not has_outlines(program):
+        return program
+
+    def estimate(fewer: Program) -> float:
+        return seen.price(frame.apply(fewer))
+
+    return drop_spare(program, estimate, lambda fewer: seen.exact_price(frame.apply(fewer)), seen.size_weight, deadline)
 
 
 def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: Work, share: float) -> BodyState | None:

@@ -90,9 +90,9 @@ def repeats_plainly(cells: Program, walls: Program, low: np.ndarray, high: np.nd
 
 def is_hardly_longer(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray, more: float = MORE) -> bool:
     """Whether there is hardly more to read in plainer features than in what they stand for, at most so many times as much - or, where they
-    are many, clearly less - in the program of a part that fills a box from `low` [3] to `high` [3]. Blocks that lean at odd angles are never plainer: a line of a drawing
-    leans because it goes from here to there, or touches two circles. Nor are added ones that lean out of the part, held back by what they
-    have in common with another: a brace is a line of its bracket's drawing."""
+    are many, clearly less - in the program of a part that fills a box from `low` [3] to `high` [3]. Blocks that lean at odd angles are
+    never plainer: a line of a drawing leans because it goes from here to there, or touches two circles. Nor are added ones that lean out of
+    the part, held back by what they have in common with another: a brace is a line of its bracket's drawing."""
     if count_odd_directions(plain) > count_odd_directions(drawn) or _count_held_back(plain, low, high) > _count_held_back(drawn, low, high):
         return False
     if reading_length(plain, low, high) <= _most(count(plain).primitives, more) * reading_length(drawn, low, high):
