@@ -5,7 +5,8 @@ import pytest
 from tests.deadlines import PASSED
 from tests.planted import box, cut, cylinder, mesh_of, union
 
-from imdim.program.tree import Program, leaves
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation, UnitBody, observe
 from imdim.reconstruction.spare_parts import drop_spare
 from imdim.target.target import target_from
@@ -31,6 +32,15 @@ def test_a_cut_that_the_part_has_not_goes(seen: Observation, spare: Program) -> 
 def test_a_splinter_goes(seen: Observation) -> None:
     found = drop_spare(cut(union(PLATE, SPLINTER), HOLE, SECOND), seen.price, seen.exact_price, seen.size_weight)
     assert list(leaves(found)) == [PLATE, HOLE, SECOND]
+
+
+def test_a_loop_that_is_worth_nothing_goes(seen: Observation) -> None:
+    """Two windows are drawn as one cut, of which the part has one; what is left of the drawing is a cylinder."""
+    loops = (circle(0.05, 0.2, 0.1), circle(0.004, 0.0, -0.1))
+    program = cut(PLATE, SECOND, Primitive("extrude", (0.2,), outline=Outline(loops)))
+    found = drop_spare(program, seen.price, seen.exact_price, seen.size_weight)
+    assert [leaf.kind for leaf in leaves(found)] == ["box", "cylinder", "cylinder"]
+    assert list(leaves(found))[2].size == pytest.approx(HOLE.size)
 
 
 def test_what_is_worth_its_price_stays(seen: Observation) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 from imdim.deadline import NEVER, Deadline
+from imdim.program.outline import Outline
 from imdim.program.paths import leaf_paths, without
-from imdim.program.tree import Program
+from imdim.program.plain_outlines import to_simple
+from imdim.program.tree import Program, leaves, replace_leaves
 
 
 def drop_spare(
@@ -16,15 +19,32 @@ def drop_spare(
     slack: float,
     deadline: Deadline = NEVER,
 ) -> Program:
-    """The program without the primitives without which its `price` is lower, the last ones first.
+    """The program without the primitives, and the loops of drawings, without which its `price` is lower, the last ones first.
 
     The price is asked only where an `estimate` of it, which may be off by `slack`, does not tell. Past the `deadline` (by default never)
     the others stay.
     """
-    for i in reversed(range(len(leaf_paths(program)))):
-        if deadline.has_passed():
-            break
-        fewer = without(program, [leaf_paths(program)[i][0]])
-        if fewer is not None and estimate(fewer) < estimate(program) + slack and price(fewer) < price(program):
-            program = fewer
+
+    def is_better(fewer: Program) -> bool:
+        return estimate(fewer) < estimate(program) + slack and price(fewer) < price(program)
+
+    i = len(leaf_paths(program)) - 1
+    while i >= 0 and not deadline.has_passed():
+        fewer = next(filter(is_better, _leave_out(program, i)), None)
+        i -= fewer is None or len(leaf_paths(fewer)) < len(leaf_paths(program))
+        program = fewer or program
     return program
+
+
+def _leave_out(program: Program, i: int) -> Iterator[Program]:
+    """The program without its leaf `i`, and without each loop of that, where something is left."""
+    if (fewer := without(program, [leaf_paths(program)[i][0]])) is not None:
+        yield fewer
+    leaf = list(leaves(program))[i]
+    loops = leaf.outline.loops if leaf.outline else ()
+    for k in range(len(loops) if len(loops) > 1 else 0):
+        try:
+            drawn = replace(leaf, outline=Outline((*loops[:k], *loops[k + 1 :])))
+        except ValueError:  # what lay within an outer loop alone bounds nothing
+            continue
+        yield replace_leaves(program, {i: to_simple(drawn) or drawn})
