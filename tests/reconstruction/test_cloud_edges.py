@@ -54,8 +54,10 @@ def test_sharp_edges_stay_sharp(noise):
 
 def test_two_distances_lie_along_the_faces_that_they_lay_along():
     true = EdgeFeature("chamfer", (1.0, 2.0), ((Face(0, "-z"), Face(0, "+x")), (Face(0, "-y"), Face(0, "-z"))))
-    (feature,) = found_in([true]).features
+    found = found_in([true])
+    (feature,), (known,) = found.features, found.measured
     assert feature.sizes == pytest.approx((1.0, 2.0))
+    assert known.sizes == pytest.approx(feature.sizes, rel=0.02)
     assert set(feature.edges) == set(true.edges)
 
 

@@ -54,6 +54,7 @@ SURE = 3.0  # nats beside the name of an edge: among all edges of a part the noi
 EITHER = 4.0  # nats, by which a kind must be likelier than the other
 LIKE = 0.01  # of a size, by which sizes of one feature may differ beside what is known of them
 ON = 3.0  # deviations of the noise within which a point lies on a blend
+UNEQUAL = 12.0  # nats, by which two distances must be likelier than one: where a program is off its points they are two anywhere
 RATIO_OF_TWO = 1.1  # between the distances of a bevel that are two
 SHARED = (0.5, 0.2, 0.06, 0.015, 0.003)  # of a size: the rows of sizes that all edges of a feature are tried with
 SAME, COARSEST = 1e-9, 1e-4  # of a program's largest number: what is on a grid, and the finest grid
@@ -223,7 +224,7 @@ def _read_kind(seen: SeenEdge, kind: EdgeKind) -> tuple[Profile, float] | None:
     best = seen.likeliest(kind)
     if best is not None and kind == "chamfer" and best[1] + EITHER < seen.sharp:
         other = seen.unequal(best[0])
-        worth = 0.5 * math.log(len(seen.points)) + EITHER
+        worth = 0.5 * math.log(len(seen.points)) + UNEQUAL
         if max(other[0].sizes) > RATIO_OF_TWO * min(other[0].sizes) and other[1] + worth < best[1]:
             best = other
     return best if best is not None and _is_followed(seen, best[0]) else None
@@ -316,7 +317,7 @@ def _measure_sizes(profile: Profile, own: Sequence[ReadEdge]) -> MeasuredSizes:
     best = _share_size(profile, seen)
     known = [view.deviation(best) for view in seen]
     weight = sum(1 / d**2 for d in known)
-    return MeasuredSizes(tuple(map(float, best.sizes)), NORMAL_95 / math.sqrt(weight) if weight else math.inf)
+    return MeasuredSizes(tuple(sorted(map(float, best.sizes))), NORMAL_95 / math.sqrt(weight) if weight else math.inf)
 
 
 def _share_size(profile: Profile, seen: Sequence[SeenEdge]) -> Profile:
