@@ -14,6 +14,7 @@ from imdim.program.codec import CONVENTION, FORMAT, MAX_CONSTRAINTS, UNITS, VERS
 from imdim.program.constraints import RULES
 from imdim.program.edge_codec import MAX_EDGE_FEATURES, MAX_EDGES
 from imdim.program.edges import EDGE_KINDS, SIZES_OF
+from imdim.program.hole_codec import HOLE_KINDS, MAX_HOLES, MAX_WORDS
 from imdim.program.node_codec import MAX_PRIMITIVES, REPEAT_FIELDS
 from imdim.program.outline import MOST_CURVES
 from imdim.program.repeats import JOINS, REPEATS
@@ -72,6 +73,7 @@ def schema() -> dict[str, Any]:
             **{kind: _primitive(kind) for kind in KINDS},
             "constraint": _constraint(),
             **{kind: _edge_feature(kind) for kind in EDGE_KINDS},
+            "hole": _hole(),
             "face": {"type": "string", "pattern": r"^\d{1,9}\.([+-][xyz]|side|wall\[\d{1,4}\]\[\d{1,4}\])$"},
             "feature": {"type": "string", "pattern": r"^(world|\d{1,9})(\.[a-z+-][a-z_]*)?$"},
         },
@@ -90,7 +92,8 @@ def _metadata() -> dict[str, Any]:
     constraints = {"type": "array", "items": {"$ref": "#/$defs/constraint"}, "maxItems": MAX_CONSTRAINTS}
     edges = {"type": "array", "items": {"oneOf": [{"$ref": f"#/$defs/{kind}"} for kind in EDGE_KINDS]}, "maxItems": MAX_EDGE_FEATURES}
     framed = {"description": about, **_record({}, frame)}
-    return {"units": {"enum": list(UNITS)}, "frame": framed, "edges": edges, "constraints": constraints}
+    holes = {"type": "array", "items": {"$ref": "#/$defs/hole"}, "maxItems": MAX_HOLES}
+    return {"units": {"enum": list(UNITS)}, "frame": framed, "edges": edges, "holes": holes, "constraints": constraints}
 
 
 def _edge_feature(kind: str) -> dict[str, Any]:
@@ -103,6 +106,17 @@ def _edge_feature(kind: str) -> dict[str, Any]:
         "description": about,
         **_record({"kind": {"const": kind}, first: size, "edges": edges}, {"name": _NAME, **dict.fromkeys(more, size)}),
     }
+
+
+def _hole() -> dict[str, Any]:
+    size, words = {"type": "number", "exclusiveMinimum": 0}, {"type": "string", "maxLength": MAX_WORDS}
+    of = {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 1}
+    needed = {"kind": {"enum": list(HOLE_KINDS)}, "diameter": size, "depth": {"oneOf": [size, {"const": "through"}]}}
+    needed |= {"count": {"type": "integer", "minimum": 1}, "of": of}
+    about = "Equal holes that the primitives of some numbers make together; they follow from these."
+    more = {"head_diameter": size, "head_depth": size, "screw": words, "pattern": words}
+    both = {"head_diameter": ["head_depth"], "head_depth": ["head_diameter"]}
+    return {"description": about, **_record(needed, more), "dependentRequired": both}
 
 
 def _constraint() -> dict[str, Any]:

@@ -102,8 +102,8 @@ def edited(path: str, value: object) -> dict:
     ("path", "value", "message"),
     [
         ("format", "stl", "$.format: expected 'imdim-csg', got 'stl'"),
-        ("version", 6, "$.version: this reader knows versions 1, 2, 3, 4, 5, got 6"),
-        ("version", True, "$.version: this reader knows versions 1, 2, 3, 4, 5, got True"),
+        ("version", 7, "$.version: this reader knows versions 1, 2, 3, 4, 5, 6, got 7"),
+        ("version", True, "$.version: this reader knows versions 1, 2, 3, 4, 5, 6, got True"),
         ("units", "mile", "$.units: expected unspecified or micron or millimeter or centimeter or meter or inch or foot, got 'mile'"),
         ("frame.scale", -1, "$.frame.scale: needs a positive number, got -1.0"),
         ("frame.axes", "left-handed", "$.frame.axes: expected right-handed, got 'left-handed'"),

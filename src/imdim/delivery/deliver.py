@@ -29,6 +29,7 @@ from imdim.export.delivered import Delivered, texts_of, unwritten, with_segments
 from imdim.export.edge_text import do_edges_matter, with_edge_sizes
 from imdim.export.feature_notes import feature_notes
 from imdim.export.folder import DIGESTS, EDIT_PICTURE, FILES, OutputError, check_untouched, check_writable, digests_of, replacing
+from imdim.export.hole_names import hole_features
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import round_program
 from imdim.export.parameters import parametrise
@@ -178,7 +179,7 @@ def export(
 
 def compose_texts(found: FinishedProgram, meta: Meta, segments: int, drawn: bool, deadline: Deadline = NEVER) -> dict[str, str]:
     """program.json and the texts of a program by their names; program.scad draws edges where they are `drawn`."""
-    document = program_text(found.program, meta, found.constraints, found.folded, found.edges)
+    document = program_text(found.program, meta, found.constraints, found.folded, found.edges, hole_features(found.program))
     return {"program.json": document, **texts_of(found.program, found.parameters, found.folded, segments, found.edges, drawn, deadline)}
 
 

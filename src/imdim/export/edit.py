@@ -22,6 +22,7 @@ from imdim.export.edit_report import picture_of
 from imdim.export.feature_names import label_features
 from imdim.export.feature_notes import feature_notes, read_labels, renew_notes
 from imdim.export.folder import EDIT_PICTURE, FILES, replacing
+from imdim.export.hole_names import hole_features
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
 from imdim.export.openscad_reader import are_drawn, read_openscad
@@ -31,10 +32,11 @@ from imdim.geometry.edge_solids import blend_solids, solid_with_edges
 from imdim.geometry.edges import find_edges, has_room
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import SEGMENTS, join_touching
-from imdim.program.codec import constraints_of, dumps, edges_of, from_json, meta_of, read_folded
+from imdim.program.codec import constraints_of, dumps, edges_of, from_json, holes_of, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.edges import EdgeFeature, EdgeNumber, describe_size, name_edges, with_sizes
 from imdim.program.ellipse import Ellipse
+from imdim.program.hole_codec import HoleFeature, find_stale
 from imdim.program.node_codec import MAX_PRIMITIVES
 from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_ring
 from imdim.program.patterns.edit import recount_constraints, recount_edges, recount_repeats, refit_repeats
@@ -52,6 +54,7 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     """
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     folded = folded if any(repeats(folded)) else None
+    _check_holes(holes_of(document), program)
     edges = name_edges(edges_of(document))
     if "program.scad" not in texts:
         named = with_edge_sizes(parametrise(program, constraints, program, folded), edges)
@@ -66,6 +69,12 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     delivered = Delivered(program, meta_of(document), constraints, texts, values, segments, folded, counts, edges, called)
     _check_same(delivered)
     return delivered
+
+
+def _check_holes(written: Sequence[HoleFeature], program: Program) -> None:
+    """Raise EditError for holes that were changed by hand: they follow from the primitives."""
+    if written and (stale := find_stale(written, hole_features(program))) is not None:
+        raise EditError(f"$.holes[{stale}] of program.json is not what its primitives make: change a hole by the names that --list shows")
 
 
 def change_values(delivered: Delivered, values: Mapping[str, float]) -> Delivered:
@@ -226,7 +235,8 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
     """
     solid = solid_of(delivered) if solids is None else solids[1]
     with replacing(folder) as partial:
-        document = dumps(delivered.program, delivered.meta, delivered.constraints, delivered.folded, delivered.edges)
+        holes = hole_features(delivered.program)
+        document = dumps(delivered.program, delivered.meta, delivered.constraints, delivered.folded, delivered.edges, holes)
         texts = {"program.json": document, **delivered.texts}
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8")

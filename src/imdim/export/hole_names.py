@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from imdim.geometry.holes import find_holes
+from imdim.program.hole_codec import HoleFeature
 from imdim.program.hole_groups import HoleGroup, group_holes
 from imdim.program.holes import Hole, HoleSection
 from imdim.program.metric import screw_of
@@ -23,6 +24,11 @@ _SEATS = ("counterbore", "countersink", "drill_point", "hex_pocket", "bore_chamf
 def hole_groups(program: Program) -> tuple[HoleGroup, ...]:
     """The holes of a program in groups."""
     return group_holes(find_holes(program))
+
+
+def hole_features(program: Program) -> tuple[HoleFeature, ...]:
+    """The holes of a program, as its document has them."""
+    return tuple(HoleFeature.of_group(group) for group in hole_groups(program))
 
 
 def hole_roles(program: Program) -> list[str]:

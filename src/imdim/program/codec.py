@@ -19,14 +19,15 @@ from imdim.program import fields
 from imdim.program.constraints import RULES, Constraint, ConstraintError, Ref, check_all, read_ref
 from imdim.program.edge_codec import edge_node, read_edges
 from imdim.program.edges import EdgeFeature, check_edges
+from imdim.program.hole_codec import HoleFeature, hole_node, read_holes
 from imdim.program.node_codec import MAX_DEPTH, MAX_PRIMITIVES, encode_folded, program_node, read_node, text_lines
 from imdim.program.repeats import Folded, expand, repeats
 from imdim.program.tree import Program, Vec3, leaves
 from imdim.program.units import MILLIMETRES, UNSPECIFIED
 
 FORMAT = "imdim-csg"
-# plain, with constraints, with repeats, with outlines, with edge features
-VERSIONS = VERSION, CONSTRAINED, REPEATED, OUTLINES, EDGES = 1, 2, 3, 4, 5
+# plain, with constraints, with repeats, with outlines, with edge features, with holes
+VERSIONS = VERSION, CONSTRAINED, REPEATED, OUTLINES, EDGES, HOLES = 1, 2, 3, 4, 5, 6
 MAX_CONSTRAINTS = 10_000
 MAX_CHARACTERS = 8 * 1024 * 1024
 MAX_BRACKETS = 500_000  # seven programs of 10,000 primitives have 350,000
@@ -58,6 +59,7 @@ def to_json(
     constraints: Sequence[Constraint] = (),
     folded: Folded | None = None,
     edges: Sequence[EdgeFeature] = (),
+    holes: Sequence[HoleFeature] = (),
 ) -> dict[str, Any]:
     """The document as plain dicts, lists, strings and numbers; `folded`, which `program` is the expansion of, gives it repeats.
 
@@ -71,11 +73,13 @@ def to_json(
     frame = {**CONVENTION, "center": [float(v) for v in meta.center], "scale": float(meta.scale)}
     version = REPEATED if folded is not None and any(repeats(folded)) else CONSTRAINED if constraints else VERSION
     version = OUTLINES if any(leaf.outline for leaf in leaves(program)) else version
-    version = EDGES if edges else version
+    version = HOLES if holes else EDGES if edges else version
     document: dict[str, Any] = {"format": FORMAT, "version": version, "units": meta.units, "frame": frame, "program": node}
     if edges:
         check_edges(edges, list(leaves(program)))
         document["edges"] = [edge_node(feature) for feature in edges]
+    if holes:
+        document["holes"] = [hole_node(hole) for hole in holes]
     if constraints:
         check_all(constraints, list(leaves(program)))
         document["constraints"] = [_constraint(c) for c in constraints]
@@ -107,19 +111,27 @@ def edges_of(document: object) -> tuple[EdgeFeature, ...]:
     return _read_document(document)[4]
 
 
+def holes_of(document: object) -> tuple[HoleFeature, ...]:
+    """The holes of a document, none where it has none; raises like `from_json`."""
+    return _read_document(document)[5]
+
+
 def dumps(
     program: Program,
     meta: Meta | None = None,
     constraints: Sequence[Constraint] = (),
     folded: Folded | None = None,
     edges: Sequence[EdgeFeature] = (),
+    holes: Sequence[HoleFeature] = (),
 ) -> str:
-    """The document as text, one primitive, edge feature and constraint per line; deterministic. Raises like `to_json`."""
-    document = to_json(program, meta, constraints, folded, edges)
+    """The document as text, one primitive, edge feature, hole and constraint per line; deterministic. Raises like `to_json`."""
+    document = to_json(program, meta, constraints, folded, edges, holes)
     entries = [f"  {_text(key)}: {_text(document[key])}" for key in ("format", "version", "units", "frame")]
     entries.append('  "program": ' + "\n".join(text_lines(document["program"], "  ")))
     if edges:
         entries.append('  "edges": [\n' + ",\n".join(f"    {_text(e)}" for e in document["edges"]) + "\n  ]")
+    if holes:
+        entries.append('  "holes": [\n' + ",\n".join(f"    {_text(e)}" for e in document["holes"]) + "\n  ]")
     if constraints:
         entries.append('  "constraints": [\n' + ",\n".join(f"    {_text(c)}" for c in document["constraints"]) + "\n  ]")
     return "{\n" + ",\n".join(entries) + "\n}\n"
@@ -165,8 +177,11 @@ def _text(value: object) -> str:
 # --- reading ---------------------------------------------------------------------------------------------------------
 
 
-def _read_document(document: object) -> tuple[Program, Meta, tuple[Constraint, ...], Folded, tuple[EdgeFeature, ...]]:
-    top = fields.record(document, "$", ("format", "version", "program"), ("units", "frame", "edges", "constraints"))
+_Read = tuple[Program, Meta, tuple[Constraint, ...], Folded, tuple[EdgeFeature, ...], tuple[HoleFeature, ...]]
+
+
+def _read_document(document: object) -> _Read:
+    top = fields.record(document, "$", ("format", "version", "program"), ("units", "frame", "edges", "holes", "constraints"))
     if top["format"] != FORMAT:
         raise ValueError(f"$.format: expected {FORMAT!r}, got {fields.show(top['format'])}")
     if type(top["version"]) is not int or top["version"] not in VERSIONS:
@@ -184,8 +199,10 @@ def _read_document(document: object) -> tuple[Program, Meta, tuple[Constraint, .
         raise ValueError(f"$.program: version {top['version']} has no outlines, they came with version {OUTLINES}")
     if top["version"] < EDGES and "edges" in top:
         raise ValueError(f"$.edges: version {top['version']} has none, they came with version {EDGES}")
-    edges = read_edges(top.get("edges", []), program)
-    return program, _read_meta(top), _read_constraints(top.get("constraints", []), program), folded, edges
+    if top["version"] < HOLES and "holes" in top:
+        raise ValueError(f"$.holes: version {top['version']} has none, they came with version {HOLES}")
+    edges, holes = read_edges(top.get("edges", []), program), read_holes(top.get("holes", []), program)
+    return program, _read_meta(top), _read_constraints(top.get("constraints", []), program), folded, edges, holes
 
 
 def _read_constraints(entries: object, program: Program) -> tuple[Constraint, ...]:

@@ -42,6 +42,11 @@ class HoleGroup:
         return number + ", ".join([describe_hole(self.holes[0]), *_arranged(self)])
 
 
+def describe_pattern(group: HoleGroup) -> str:
+    """How the holes of a group stand, as "on a 31 x 31 grid"; empty for one, or no pattern."""
+    return ", ".join(_arranged(group))
+
+
 def group_holes(holes: Sequence[Hole]) -> tuple[HoleGroup, ...]:
     """Groups in the order of their first holes; each hole is in one."""
     classes: list[list[Hole]] = []
