@@ -96,15 +96,15 @@ def test_nothing_is_proved_of_primitives_that_are_too_many_to_be_taken(monkeypat
         asked.append(best.program)
         return best
 
-    monkeypatch.setattr(methods, "_search_and_touch_up", lambda run, proofs, is_wanted: iter([MethodStep("search", found)]))
+    monkeypatch.setattr(methods, "_search_and_touch_up", lambda run, proofs, is_promising: iter([MethodStep("search", found)]))
     monkeypatch.setattr(methods, "_prove", prove)
     run = Run(seen, Settings(), lambda: None, Budget(60.0), np.random.default_rng(0))  # type: ignore[arg-type]
     step = methods._search_primitives(run, MethodStep("search", drawn), MethodStep("search", drawn))
     assert (step is not None, asked) == (is_taken, [found] * is_taken)
 
 
-def test_the_search_asks_no_proof_of_what_nobody_wants(monkeypatch):
-    """Programs that the search for primitives passes through are proved only where they may be taken for a drawing."""
+def test_the_search_asks_no_proof_of_what_promises_nothing(monkeypatch):
+    """Programs that the search for primitives passes through are proved only where they may be taken for what is plain already."""
     asked: list[int] = []
     steps = [SimpleNamespace(sequence=[1], families=None)] * 2
     monkeypatch.setattr(methods, "search_structure", lambda *_: iter(steps))
@@ -116,8 +116,8 @@ def test_the_search_asks_no_proof_of_what_nobody_wants(monkeypatch):
     seen = SimpleNamespace(noisy=False, size_weight=1e-3, cells=cells, families=families, evidence=evidence, copies_once=True)
     run = Run(seen, Settings(), lambda: None, Budget(60.0), np.random.default_rng(0))  # type: ignore[arg-type]
     proofs = SimpleNamespace(early=lambda program: asked.append(count(program).primitives))
-    for is_wanted, times in ((False, 0), (True, 2)):
-        list(methods._search_structure(run, proofs, lambda _, wanted=is_wanted: wanted))  # type: ignore[arg-type]
+    for is_promising, times in ((False, 0), (True, 2)):
+        list(methods._search_structure(run, proofs, lambda _, promising=is_promising: promising))  # type: ignore[arg-type]
         assert len(asked) == times
 
 

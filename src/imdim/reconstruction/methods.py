@@ -324,12 +324,13 @@ def _search_primitives(run: Run, drawn: MethodStep, best: MethodStep) -> MethodS
     # evolution shortens what is long, and a long program is not taken
     settings = replace(run.settings, evolution=False)
     alone = replace(run, seen=run.seen.without_outlines, settings=settings, rng=run.rng.spawn(1)[0])
-    more = MORE if best.program == drawn.program else 1.0
+    is_apart = best.program != drawn.program
+    more = 1.0 if is_apart else MORE
 
     def is_wanted(program: Program) -> bool:
         return is_hardly_longer(program, best.program, low, high, more)
 
-    found = _last(_search_all(alone, is_wanted))
+    found = _last(_search_all(alone, is_wanted, is_wanted if is_apart else _want_any))
     return found if found is not None and is_wanted(found.program) else None
 
 
@@ -342,11 +343,14 @@ def _want_any(program: Program) -> bool:
     return True
 
 
-def _search_all(run: Run, is_wanted: Callable[[Program], bool] = _want_any) -> Iterator[MethodStep]:
-    """What `auto` does with one set of candidates; proofs are looked for where a program `is_wanted`."""
+def _search_all(
+    run: Run, is_wanted: Callable[[Program], bool] = _want_any, is_promising: Callable[[Program], bool] = _want_any
+) -> Iterator[MethodStep]:
+    """What `auto` does with one set of candidates; a proof is looked for in the end where a program `is_wanted`, before that where one
+    `is_promising`: it may find a shorter one."""
     best: MethodStep | None = None
     proofs = Proofs(run.seen, run.budget, run.share)
-    for best in _search_and_touch_up(run, proofs, is_wanted):
+    for best in _search_and_touch_up(run, proofs, is_promising):
         yield best
     for source in (_grow_if_poor, _propose_if_poor):
         before, best = best, source(run, best)
@@ -418,18 +422,18 @@ METHODS: dict[str, Method] = {
 }
 
 
-def _search_and_touch_up(run: Run, proofs: Proofs, is_wanted: Callable[[Program], bool] = _want_any) -> Iterator[MethodStep]:
+def _search_and_touch_up(run: Run, proofs: Proofs, is_promising: Callable[[Program], bool] = _want_any) -> Iterator[MethodStep]:
     passed: list[Program] = []
     step: MethodStep | None = None
-    for step in _search_structure(run, proofs, is_wanted):
+    for step in _search_structure(run, proofs, is_promising):
         passed.append(step.program)
         yield replace(step, others=tuple(passed))
     if step is not None:
         yield from _touch_up(run, replace(step, others=tuple(passed)))
 
 
-def _search_structure(run: Run, proofs: Proofs, is_wanted: Callable[[Program], bool] = _want_any) -> Iterator[MethodStep]:
-    """Programs of the structure search, each better than the one before, until one that `is_wanted` is proved minimal."""
+def _search_structure(run: Run, proofs: Proofs, is_promising: Callable[[Program], bool] = _want_any) -> Iterator[MethodStep]:
+    """Programs of the structure search, each better than the one before, until one that `is_promising` is proved minimal."""
     seen, found, shortest, enough = run.seen, None, None, False
     if not run.settings.synthesis:
         yield from tree(run)
@@ -446,7 +450,7 @@ def _search_structure(run: Run, proofs: Proofs, is_wanted: Callable[[Program], b
         program = to_program(found.sequence, found.families)
         yield MethodStep("search", program)
         # what the labels of a noisy cloud prove is not worth the time
-        is_asked = not (seen.noisy or has_outlines(program)) and is_wanted(program)
+        is_asked = not (seen.noisy or has_outlines(program)) and is_promising(program)
         program, proof = (proofs.early(program) if is_asked else None) or (program, None)
         if proof and proof.program and (shortest is None or seen.price(program) < seen.price(shortest)):
             shortest = program
