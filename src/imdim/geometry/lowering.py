@@ -130,5 +130,7 @@ def lower(program: Program) -> Lowered:
 def split_params(params: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sizes [k, 3], centres [k, 3] and rotations [k, 3, 3] of parameters [k, 9]."""
     params = np.asarray(params, float).reshape(-1, 9)
-    rotations = np.array([matrix_from_euler(tuple(row)) for row in params[:, 6:9]]).reshape(-1, 3, 3)
+    rows = [tuple(row) for row in params[:, 6:9].tolist()]
+    known = {row: matrix_from_euler(row) for row in set(rows)}  # what stands together mostly points one way
+    rotations = np.array([known[row] for row in rows]).reshape(-1, 3, 3)
     return params[:, :3].copy(), params[:, 3:6].copy(), rotations

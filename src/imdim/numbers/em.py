@@ -22,12 +22,14 @@ from imdim.numbers.face_coordinates import lift_numbers, shift_leaves, step_maps
 from imdim.numbers.likelihood import MOST_SAMPLES, Noise, Responsibilities, SurfaceSamples, expectation_step
 from imdim.numbers.normal_equations import blocks
 from imdim.numbers.outline_coordinates import OutlineCoordinates, center_leaf, outline_coordinates
-from imdim.numbers.shared_rotations import TURNS, align_rotations, frames, map_shared_turns
+from imdim.numbers.shared_rotations import TURNS, align_rotations, frames, map_shared_turns, swing_centers
+from imdim.numbers.ties import Ties, find_ties
 from imdim.program.outline import check_crossings
 from imdim.program.tree import FLAT_ENDS, PRISMS, Primitive, Program, leaves, map_leaves
 
 MOST_LET_THROUGH = 40  # leaves; the booleans that ask which ends only just meet grow with the square
 NOISE_ROUNDS = 4
+TIED = 1e7  # times what points know of a number at most, by which ties are held
 RELAXED = 1.6  # any factor below 2 converges where 1 does (Salakhutdinov & Roweis 2003)
 
 
@@ -48,14 +50,15 @@ class EMConfig:
 
 @dataclass(frozen=True)
 class FittedProgram:
-    """A fitted program, the noise that explains the points beside it, their mean negative log-density, and the share of its surface whose
-    wall is a `skin`."""
+    """A fitted program, the noise that explains the points beside it, their mean negative log-density, the share of its surface whose
+    wall is a `skin`, and how many ends of each leaf are `hidden`, unless that was not looked at."""
 
     program: Program
     noise: Noise
     nll: float
     rounds: int
     skin: float = 0.0
+    hidden: tuple[int, ...] = ()
 
 
 def maximise_likelihood(
@@ -72,6 +75,9 @@ def maximise_likelihood(
     start = lower(program)
     numbers = replace(start, rotations=align_rotations(start, config.parallel_deg))
     member = frames(numbers, config.parallel_deg)[0]
+    ties = find_ties([*leaves(program)], numbers, member)
+    # with what it is level with a ball goes round
+    member[[i for i in ties.leaves if member[i] < 0]] = 0 if (member >= 0).any() else -1
     best, seen = FittedProgram(program, noise, np.inf, 0), None
     for done in range(config.rounds):
         trial = lift_numbers(program, start, numbers)
@@ -79,7 +85,8 @@ def maximise_likelihood(
         seen = shown.seen
         share = expectation_step(points, shown, noise)
         if share.nll < best.nll:
-            best = FittedProgram(trial, noise, share.nll, done, shown.skin)
+            hidden = tuple(shown.count_hidden_ends(numbers).tolist())
+            best = FittedProgram(trial, noise, share.nll, done, shown.skin, hidden)
         # a step knows nothing of the area: an end that no point holds may drift out of the cloud
         if not len(shown.points) or share.nll > best.nll + config.worse:
             break
@@ -89,7 +96,7 @@ def maximise_likelihood(
             break
         calmer = share.noise.sigma < (1 - config.calmer) * noise.sigma
         noise = share.noise
-        numbers, program, longest = _maximisation_step(numbers, program, member, shown, share, config)
+        numbers, program, longest = _maximisation_step(numbers, program, (member, ties), shown, share, config)
         if longest < config.still * noise.sigma and not calmer:
             break
     return best
@@ -128,13 +135,14 @@ def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise, sampl
 
 
 def _maximisation_step(
-    numbers: Lowered, program: Program, member: np.ndarray, shown: SurfaceSamples, share: Responsibilities, config: EMConfig
+    numbers: Lowered, program: Program, shared: tuple[np.ndarray, Ties], shown: SurfaceSamples, share: Responsibilities, config: EMConfig
 ) -> tuple[Lowered, Program, float]:
     """The maximisation step, the program with its outlines after it, and the longest move of a face in it.
 
-    Unknowns are the faces' coordinates of each leaf without its rotation, one rotation per frame, and the coordinates of outlines.
+    Unknowns are the faces' coordinates of each leaf without its rotation, one rotation per frame, and the coordinates of outlines. What
+    leaves have `shared` are their frames and the ties of their numbers.
     """
-    leaf = shown.leaf
+    (member, ties), leaf = shared, shown.leaf
     tangent = kernels.leaf_tangent(numbers, shown.points, shown.normals, leaf)
     k, groups = len(numbers.kinds), int(member.max(initial=-1)) + 1
     plain = np.broadcast_to(np.eye(9), (k, 9, 9))
@@ -151,6 +159,10 @@ def _maximisation_step(
     slope = np.einsum("kai,ka->i", basis, gradient)
     drawn = _add_outlines(numbers, program, shown, share, (leaf, tangent, basis), (whole, slope))
     whole, slope = drawn.matrix, drawn.gradient
+    if ties.twins:
+        spans = {i: (first, first + coordinates.count) for i, coordinates, first in drawn.outlines}
+        rows = ties.rows(numbers, maps, spans, len(whole))
+        whole = whole + TIED * float(np.diag(whole).max(initial=1.0)) * (rows.T @ rows)
     # along those eigenvectors that enough points show, longer than asked: where walls blur, each round goes a part of the way
     values, vectors = np.linalg.eigh(whole)
     vectors, values = vectors[:, values >= config.support], values[values >= config.support]
@@ -158,7 +170,11 @@ def _maximisation_step(
     longest = float(np.abs(step).max(initial=0.0))
     step *= min(1.0, config.far * share.noise.sigma / max(longest, 1e-300))
     program, outlines = _move_outlines(program, drawn.outlines, step)
-    moved = shift_leaves(numbers, np.einsum("kaj,j->ka", basis, step[: basis.shape[2]]))
+    raw = np.einsum("kaj,j->ka", basis, step[: basis.shape[2]])
+    own = np.einsum("kaj,j->ka", basis[:, 3:6, : TURNS * k], step[: TURNS * k])
+    turned = step[TURNS * k : basis.shape[2]].reshape(-1, 3) / size
+    centers = swing_centers(numbers, np.einsum("kij,kj->ki", numbers.rotations, own), member, turned)
+    moved = replace(shift_leaves(numbers, raw), centers=centers)
     return (replace(moved, outlines=outlines) if drawn.outlines else moved), program, longest
 
 

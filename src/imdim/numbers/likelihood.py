@@ -21,7 +21,7 @@ from imdim.geometry.point_grid import PointGrid, find_bounds, measure_diagonal
 from imdim.geometry.sampling import even_surfaces
 from imdim.geometry.shadows import Shadows
 from imdim.geometry.surface_map import surface_area
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import FLAT_ENDS, KINDS, Primitive, Program, leaves
 
 NEIGHBOURS = 40  # both skins of a thin wall, and the walls of a corner, have to be among them
 APART = 1.4  # deviations of the noise between samples: nearer ones would be more work
@@ -30,6 +30,8 @@ VANISHING = 80.0  # squared deviations at which a density is nought
 MOST_SAMPLES = 10_000
 LEAST_DRAWN, MOST_DRAWN = 1024, 65_536  # hidden ones included
 GAP = 2.0  # deviations of the noise
+FLAT = 0.99  # cosine of a normal with an axis, from which it is that of an end
+FEWEST = 3  # samples of an end that shows
 WIDE = 0.7  # a sample's deviation along the surface, times the side of the square that it stands for
 
 
@@ -78,6 +80,20 @@ class SurfaceSamples:
         area = len(points) / wanted * float(areas.sum())
         thin = ~kernels.inside(lowered, points - GAP * sigma * normals)
         return SurfaceSamples(points, normals, area, float(thin.mean()) if len(thin) else 0.0, visible, leaf)
+
+    def count_hidden_ends(self, program: Lowered) -> np.ndarray:
+        """How many flat ends of each leaf of the program show nowhere, int64 [k]: where they are nobody can tell, nor needs to. Of a leaf
+        that does not show at all, and is there for nothing, none is told."""
+        at, k = program.rotations[self.leaf], len(program.kinds)
+        local = np.einsum("sji,sj->si", at, self.points - program.centers[self.leaf])
+        flat = np.abs(np.einsum("sji,sj->si", at, self.normals)) > FLAT
+        hidden = np.zeros(k, np.int64)
+        for axis in range(3):
+            has = np.array([axis in FLAT_ENDS.get(KINDS[kind], {}) for kind in program.kinds])
+            for side in (-1, 1):
+                own = self.leaf[flat[:, axis] & (np.sign(local[:, axis]) == side)]
+                hidden += has & (np.bincount(own, minlength=k) < FEWEST)
+        return hidden * (np.bincount(self.leaf, minlength=k) > 0)
 
     @property
     def spacing(self) -> float:

@@ -58,6 +58,20 @@ def map_shared_turns(numbers: Lowered, member: np.ndarray) -> np.ndarray:
     return out
 
 
+def swing_centers(numbers: Lowered, shift: np.ndarray, member: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """The centres [k, 3] after a `shift` [k, 3], in the frames as they are, and turns of these by rotation vectors [f, 3] about the
+    centroids of their leaves. `map_shared_turns` goes along tangents, where coordinates that were equal would not be so in a turned
+    frame."""
+    out = numbers.centers + shift
+    for g, vector in enumerate(turns):
+        own = np.flatnonzero(member == g)
+        middle, across = numbers.centers[own].mean(0), skew(vector)
+        angle = max(float(np.linalg.norm(vector)), 1e-12)
+        turn = np.eye(3) + np.sin(angle) / angle * across + (1 - np.cos(angle)) / angle**2 * across @ across
+        out[own] = middle + (out[own] - middle) @ turn.T
+    return out
+
+
 def round_together(parts: Sequence[Primitive], same_deg: float, max_deg: float) -> list[list[Mapping[int, Primitive]]]:
     """For leaves that share directions within `same_deg` the rounder rotations that they may take together, the roundest first: a plate and
     the holes in it stay square to each other. No leader turns by more than `max_deg`. The last offer of a group is to be exactly aligned.

@@ -19,17 +19,19 @@ from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise, SurfaceSamples, negative_log_density
 from imdim.numbers.symmetry_normal_form import canonical
+from imdim.numbers.ties import tie_alike
 from imdim.program.constraints import Constraint
 from imdim.program.paths import Path, leaf_paths, without
 from imdim.program.rewrite.simplify import reduce_program
+from imdim.program.sequence import Step, to_program, to_sequence
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 from imdim.reconstruction.observation import Observation, UnitBody
 from imdim.reconstruction.policy_beam import PolicyOf, beam_programs, has_time_for_beam, next_parts, proposals
 from imdim.relations.discover import discover
 from imdim.relations.residuals import rows_of
-from imdim.search.mdl.candidates.drawn import retrace
+from imdim.search.mdl.candidates.drawn import retrace, take_holes_apart, take_loops_apart
 from imdim.search.mdl.candidates.shell_slot import compounds
-from imdim.search.mdl.description_length import length_of
+from imdim.search.mdl.description_length import PARALLEL_DEG, length_of
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 from imdim.search.mdl.search import OWN, REFIT, best_by_mdl, shorten, tables_of_subsample
@@ -53,6 +55,8 @@ ROUNDS_EACH = 2  # that there is time for in each of several searches: fewer beg
 FIRST_SHARE = 0.4  # of the time, for searches that begin with little
 REBUILT, MOST_REBUILT = 8, 60  # times in a row that leaves are taken out in vain, and times at all
 MOST_TAKEN = 3  # leaves at once
+THROUGH = 4.0  # deviations of the noise by which holes go beyond what they go through
+NEAR_COPIES = (1.0, 0.5)  # deviations of the noise by which the shapes of leaves differ that may be copies
 SEED = 0  # of which: the same cloud is always searched alike
 ASTRAY = (2.0, 8.0)  # deviations of the noise between which a point is explained badly and no stray
 DOUBTED = 10.0  # times as likely as others
@@ -252,13 +256,17 @@ class _NoisyCloud:
         found = self._in_turn(begun[:most], first)
         offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
         # where time has cut them, the longer of two may become the shorter yet
+        copies = not self.trifle
         heirs = [found[0], *(h for h in [min(found, key=lambda h: h.promised)] if h is not found[0] and first.has_passed())]
         slow = SLOW if self.anew else 0.0
-        best = self._in_turn([replace(h, rounds=self._shorten(h.best, offered, deadline)) for h in heirs], deadline, slow)[0].best
+        rounds = [replace(h, rounds=self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
+        best = self._in_turn(rounds, deadline, slow)[0].best
         # the deviations of a real thing are no noise that the points could tell
         less = best.noise.sigma / BLURRED_SKINS
         best, calmer = (best, False) if self.trifle else self._in_less_noise(best, offered, deadline)
         cloud = replace(self, sigma=less) if calmer else self
+        if not self.trifle:
+            best = cloud._copy(best, offered, deadline)
         best = cloud._rebuild_and_shorten(best, offered, deadline) if self.anew else best
         left_out = most < len(begun) or (self.policy is not None and not has_time_for_beam(deadline))
         asked = cloud._ask(best, offered, deadline)
@@ -278,6 +286,25 @@ class _NoisyCloud:
         while lineage.advance() and lineage.promised < length and (lineage.won > SLOW or lineage.best.noise.sigma < calm):
             pass
         return (lineage.best, lineage.best.noise.sigma < calm) if lineage.length < length - SAME else (best, False)
+
+    def _copy(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The best with its copies tied to one another, and what the search comes to from there where parts are put in with copies: from it
+        as it is, and from it with the holes of drawings as cuts of their own, where that leads to less."""
+        best = self._tie(best, deadline)
+        apart = _with_holes_apart(best.program, best.noise.sigma)
+        starts = [best, *([self._tie(maximise_likelihood(apart, self.quick, best.noise, REFIT, deadline), deadline)] if apart else [])]
+        found = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, deadline, copies=True)) for s in starts], deadline)
+        return self._tie(found[0].best, deadline)
+
+    def _tie(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
+        """The best with one shape for leaves whose shapes hardly differ, and with even places, as far as that makes it shorter."""
+        for near in NEAR_COPIES:
+            tied = tie_alike(best.program, near * best.noise.sigma, PARALLEL_DEG)
+            if deadline.has_passed() or tied == best.program:
+                continue
+            fitted = maximise_likelihood(tied, self.quick, best.noise, REFIT, deadline)
+            best = fitted if self._length(fitted) < self._length(best) else best
+        return best
 
     def _rebuild_and_shorten(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The best after leaves of it were looked for anew, and then in single changes to where none shortens it, in turn until neither
@@ -360,9 +387,10 @@ class _NoisyCloud:
         return sorted(lineages, key=lambda lineage: lineage.length)
 
     def _shorten(
-        self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline, filling: bool = False
+        self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline, filling: bool = False, copies: bool = False
     ) -> Iterator[tuple[FittedProgram, float]]:
-        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count, self.sigma, not self.trifle, filling)
+        how = self._draws, self._count, self.sigma, not self.trifle, filling, copies
+        return shorten(start, self.quick, candidates, self.axes, deadline, *how)
 
     def _lineage(self, start: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> _Lineage:
         return _Lineage(start, self._length(start), self._shorten(start, offered, deadline))
@@ -422,6 +450,21 @@ def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline,
     """The numbers that make the points most likely, with ends let through what they only just meet, unless that hides what they show."""
     through, as_drawn = (maximise_likelihood(program, points, noise, c, deadline) for c in (config, replace(config, through=0.0)))
     return through if through.nll < as_drawn.nll + SAME else as_drawn
+
+
+def _with_holes_apart(program: Program, sigma: float) -> Program | None:
+    """The program with the holes of its drawings as cuts behind all else, and each of several that are drawn together; None where there are
+    none."""
+    steps, holes = [], list[Program]()
+    for op, part in to_sequence(program, apart=True):
+        if op == "difference" and isinstance(part, Primitive):
+            steps += [Step(op, one) for one in take_loops_apart(part)]
+            continue
+        plain, cuts = take_holes_apart(part, THROUGH * sigma) if isinstance(part, Primitive) else (part, [])
+        steps.append(Step(op, plain))
+        holes += cuts
+    apart = to_program((*steps, *(Step("difference", hole) for hole in holes)))
+    return apart if sum(1 for _ in leaves(apart)) > sum(1 for _ in leaves(program)) else None
 
 
 def _without_neighbours(program: Program, points: np.ndarray, sigma: float, rng: np.random.Generator) -> Program | None:

@@ -22,7 +22,7 @@ from imdim.search.mdl import part_tables, search
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.description_length import SKIN, description_length, length_of, numbers
 from imdim.search.mdl.local_search import own_moves, uses
-from imdim.search.mdl.part_tables import PartTableCache
+from imdim.search.mdl.part_tables import PartTableCache, count_ends
 from imdim.search.mdl.search import _few_of_each, _in_place_of, _is_near, _leave_twins, _shortest, best_by_mdl, shorten
 from imdim.search.mdl.silhouettes import outlines
 
@@ -62,19 +62,21 @@ def test_a_choice_ranks_as_its_program_does():
 
 
 def slow_length(mixture, choice):
-    """The description length with every sample asked of the whole program, and every density added up."""
+    """The description length with every sample asked of the whole program, every density added up, and every end counted."""
     scene, tables = mixture.scene, mixture.scene.drawn
     program = to_program(map_terms(choice, mixture.parts.__getitem__))
-    total, shown, thin = np.zeros(len(scene.points)), 0, 0
-    for drawn in tables.parts([mixture.parts[i] for _, i in choice]):
+    total, shown, thin, hidden = np.zeros(len(scene.points)), 0, 0, 0
+    parts = [mixture.parts[i] for _, i in choice]
+    for part, drawn in zip(parts, tables.parts(parts), strict=True):
         behind, ahead, deep, far = inside(program, tables.probes(drawn.points, drawn.normals)).reshape(-1, 4).T
         visible = (behind != ahead) & ~np.where(ahead, deep, far)
         shown, thin = shown + visible.sum(), thin + (visible & ~np.where(ahead, far, deep)).sum()
+        hidden += (count_ends(part) - len({*drawn.ends[visible].tolist()} - {0})) * visible.any()
         owner = np.repeat(np.arange(len(drawn.points)), np.diff(drawn.first))
         np.add.at(total, drawn.lent, drawn.density * visible[owner])
     lattice = 1.5 * np.log(2 * np.pi) + np.log(tables.sigma) + 2 * np.log(tables.wide)
     density = (1 - scene.clutter) * total / max(shown, 1) / np.exp(lattice) + scene.clutter / scene.box
-    length = -np.log(density).mean() + 0.5 * numbers(program) * np.log(scene.count) / scene.count + SKIN * thin / max(shown, 1)
+    length = -np.log(density).mean() + 0.5 * (numbers(program) - hidden) * np.log(scene.count) / scene.count + SKIN * thin / max(shown, 1)
     return length if shown else np.inf
 
 
@@ -103,7 +105,7 @@ def test_parts_are_drawn_once_for_nearly_the_same_noise(monkeypatch):
     lend = part_tables._lend
     monkeypatch.setattr(part_tables, "_lend", lambda *given: drawn.append(1) or lend(*given))
     draws = PartTableCache(points)
-    parts = [box(6, 6, 8, (x, -9.0, 0.0)) for x in (1.0, 2.0, 3.0)]
+    parts = [box(6, 6, 8 + x, (x, -9.0, 0.0)) for x in (1.0, 2.0, 3.0)]
     before = BatchedLikelihood.of(PointScene(draws, Noise(0.4)), parts[:2], parts[2:])
     again = BatchedLikelihood.of(PointScene(draws, Noise(0.405)), parts[1:], parts[:1])
     assert len(drawn) == 3
@@ -256,12 +258,14 @@ def test_what_several_changes_win_is_won_in_one_round():
 
 def test_directions_that_parts_share_are_numbers_of_one():
     """Fits turn parallel parts together, so that a second box of the same directions has no angles of its own."""
-    straight, along, leaning = (Primitive("box", (4.0, 5.0, 6.0), (9.0, 0.0, 0.0), turn) for turn in ((0, 0, 0), (0, 90, 1), (0, 0, 30)))
+    turns = (0, 0, 0), (0, 90, 1), (0, 0, 30)
+    straight, along, leaning = (Primitive("box", (4.0, 5.0, 6.0 + k), (9.0, 0.0, 0.0), turn) for k, turn in enumerate(turns))
     assert numbers(straight) == numbers(leaning) == 9
     assert numbers(union(straight, along)) == 15
     assert numbers(union(straight, leaning)) == 18
-    assert numbers(union(straight, cylinder(1, 2), cylinder(1, 2, (5.0, 0.0, 0.0)))) == 19
-    assert numbers(union(cylinder(1, 2), cylinder(1, 2, (5.0, 0.0, 0.0)))) == 12
+    assert numbers(union(straight, cylinder(1, 2), cylinder(1, 3, (5.0, 0.0, 1.0)))) == 19
+    assert numbers(union(cylinder(1, 2), cylinder(1, 3, (5.0, 0.0, 1.0)))) == 12
+    assert numbers(union(cylinder(1, 2), cylinder(1, 2, (5.0, 0.0, 0.0)))) == 2 + 5 + 1  # a copy beside it on one line
 
 
 def test_a_hole_is_filled_by_what_has_the_points_that_nothing_explains(monkeypatch):

@@ -19,7 +19,7 @@ from imdim.numbers.likelihood import Noise
 from imdim.program.tree import Program
 from imdim.search.mdl.description_length import SKIN, count_each
 from imdim.search.mdl.local_search import Choice, pack_choices
-from imdim.search.mdl.part_tables import PartSamples, PartTableCache, in_batches
+from imdim.search.mdl.part_tables import PartSamples, PartTableCache, count_ends, in_batches
 
 MOST_SETTLED = 62  # parts, of which each has a bit
 FACTORS = 4  # densities that are multiplied before their logarithm is taken
@@ -34,6 +34,7 @@ class PointScene:
         points = self.points = draws.points
         self.drawn, self.count = draws.at(noise.sigma), count or len(points)
         self.clutter = noise.clutter
+        self.number = 0.5 * math.log(self.count) / self.count  # nats per point that a number costs
         self.box = float(np.prod(np.maximum(np.ptp(points, axis=0), self.drawn.sigma)))
 
 
@@ -61,6 +62,8 @@ class BatchedLikelihood:
     density: np.ndarray
     own: np.ndarray
     ways: np.ndarray
+    ends: np.ndarray
+    end: np.ndarray
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -88,14 +91,22 @@ class BatchedLikelihood:
         counts = np.cumsum([0, *(len(d.lent) for d in drawn)])
         first = np.concatenate([*(d.first[:-1] + count for d, count in zip(drawn, counts, strict=False)), counts[-1:]])
         lent, density = (np.concatenate(c) for c in ([d.lent for d in drawn], [d.density for d in drawn]))
-        own, ways = count_each(settled, others)
-        return BatchedLikelihood(scene, parts, len(settled), starts, held, over, selves, first, lent, density, own, ways)
+        own, ways, copies = count_each(settled, others)
+        ends = np.where(copies, 0, [count_ends(part) for part in parts]).astype(np.int64)
+        tables = starts, held, over, selves, first, lent, density
+        return BatchedLikelihood(scene, parts, len(settled), *tables, own, ways, ends, np.concatenate([d.ends for d in drawn]))
 
     def lengths(self, choices: Sequence[Choice]) -> np.ndarray:
         """Description length of the points under each choice, in nats per point (see `description_length`); infinite where nothing is left.
 
         Raises ValueError for a choice that is more than the settled parts without some of them, turned, and with one part in some place.
         """
+        explained, numbers = self.explain(choices)
+        return explained + numbers * self.scene.number
+
+    def explain(self, choices: Sequence[Choice]) -> tuple[np.ndarray, np.ndarray]:
+        """What the points take under each choice, in nats per point, without what its numbers do, and how many of these there are; raises
+        as `lengths` does."""
         scene, drawn, clutter = self.scene, self.scene.drawn, self.scene.clutter
         lattice = 1.5 * math.log(2 * math.pi) + math.log(drawn.sigma) + 2 * math.log(drawn.wide)
         packed = pack_choices(choices)
@@ -104,11 +115,10 @@ class BatchedLikelihood:
             raise ValueError(f"{choices[int((changes[:, 0] < -1).argmax())]} is no change of {self.settled} parts in their order")
         arrays = self.starts, self.held, self.over, self.selves, self.first, self.lent, self.density
         scale = clutter / scene.box, math.log1p(-clutter) - lattice
-        nll, skin = _lengths(changes, self.settled, *arrays, len(scene.points), *scale)
-        n = scene.count
+        nll, skin, hidden = _lengths(changes, self.settled, *arrays, self.ends, self.end, len(scene.points), *scale)
         # places behind the end of a choice have the index -1, and nothing
         own = np.append(self.own, 0)[packed[1]].sum(1) + np.append(self.ways, 0 * self.ways[:1], axis=0)[packed[1]].max(1).sum(1)
-        return nll + 0.5 * own * math.log(n) / n + SKIN * skin
+        return nll + SKIN * skin, own - hidden
 
 
 def _probes_of(scene: PointScene, drawn: Sequence[PartSamples]) -> np.ndarray:
@@ -205,9 +215,11 @@ def _tell_side(m0, m1, m2, m3, holds, part_united, after, united):  # pragma: no
 
 
 @njit(nogil=True, cache=True)
-def _lengths(changes, settled, starts, held, over, selves, first, lent, density, n, strewn, peak_of_one):  # pragma: no cover - compiled
+def _lengths(
+    changes, settled, starts, held, over, selves, first, lent, density, ends, at_end, n, strewn, peak_of_one
+):  # pragma: no cover - compiled
     count, end = len(changes), starts[settled]
-    nll, skin = np.full(count, np.inf), np.zeros(count)
+    nll, skin, hidden = np.full(count, np.inf), np.zeros(count), np.zeros(count, np.int64)
     base, base_total = np.zeros(end, np.int8), np.zeros(n)
     whole, united = np.int64((1 << settled) - 1), changes[0, 4]
     for s in range(end):
@@ -226,6 +238,7 @@ def _lengths(changes, settled, starts, held, over, selves, first, lent, density,
             total[i] = base_total[i]
         for a in range(settled):
             stays = (stay >> (settled - 1 - a)) & 1 or a == put
+            seen = 0
             for s in range(starts[a], starts[a + 1]):
                 side = 0
                 if stays:
@@ -242,18 +255,24 @@ def _lengths(changes, settled, starts, held, over, selves, first, lent, density,
                 if side:
                     shown += 1
                     thin += side == 2
+                    seen |= 1 << at_end[s]
                 if (side > 0) != (base[s] > 0):
                     for q in range(first[s], first[s + 1]):
                         total[lent[q]] += density[q] if side else -density[q]
+            if stays:
+                hidden[c] += _count_unseen(ends[a], seen)
         if put >= settled:
+            seen = 0
             for s in range(starts[put], starts[put + 1]):
                 m0, m1, m2, m3 = held[s, 0] & stay, held[s, 1] & stay, held[s, 2] & stay, held[s, 3] & stay
                 side = _tell_side(m0, m1, m2, m3, selves[s - end], its != 0, after & stay, now)
                 if side:
                     shown += 1
                     thin += side == 2
+                    seen |= 1 << at_end[s]
                     for q in range(first[s], first[s + 1]):
                         total[lent[q]] += density[q]
+            hidden[c] += _count_unseen(ends[put], seen)
         if shown == 0:
             continue
         peak = peak_of_one - math.log(shown)
@@ -270,4 +289,13 @@ def _lengths(changes, settled, starts, held, over, selves, first, lent, density,
             i += FACTORS
         nll[c] = -(log / n + peak)
         skin[c] = thin / shown
-    return nll, skin
+    return nll, skin, hidden
+
+
+@njit(nogil=True, cache=True)
+def _count_unseen(ends, seen):  # pragma: no cover - compiled
+    """How many of so many ends, whose bits begin at the second, are not seen; none of a part of which nothing is."""
+    unseen = 0
+    for k in range(1, ends + 1 if seen else 0):
+        unseen += (seen >> k) & 1 == 0
+    return unseen

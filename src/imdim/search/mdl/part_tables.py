@@ -14,11 +14,12 @@ from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
 from imdim.geometry.point_grid import PointGrid, measure_diagonal
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import EIGHTH, even_surfaces, surface_spacing
 from imdim.geometry.shadows import Shadows
 from imdim.geometry.surface_map import surface_area
-from imdim.numbers.likelihood import GAP, WIDE
-from imdim.program.tree import Combine, Program, leaves
+from imdim.numbers.likelihood import FLAT, GAP, WIDE
+from imdim.program.tree import FLAT_ENDS, Combine, Primitive, Program, leaves
 
 T = TypeVar("T")
 
@@ -38,7 +39,8 @@ LOOSE = 1.5  # times the noise: parts that were not fitted yet lie a little off
 class PartSamples:
     """A part seen alone: samples of its surface with outward `normals` [s, 3], and whether the part itself holds the places just behind
     and ahead of them, and those a gap away (`selves` [s, 4]). Sample i lends `density` to the points of the indices `lent`, those of both
-    from `first[i]` to `first[i + 1]` [s + 1]; a point has of one part the nearest."""
+    from `first[i]` to `first[i + 1]` [s + 1]; a point has of one part the nearest. `ends` uint8 [s] are which flat end of a primitive a
+    sample is on, from 1, and 0 elsewhere."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -46,6 +48,7 @@ class PartSamples:
     first: np.ndarray
     lent: np.ndarray
     density: np.ndarray
+    ends: np.ndarray
 
 
 class PartTables:
@@ -83,7 +86,7 @@ class PartTables:
         for part, first, last in zip(parts, starts, starts[1:], strict=False):
             own = slice(first, last)
             lent = _lend(points[own], normals[own], *cells, NEIGHBOURS)
-            self._seen[part] = PartSamples(points[own], normals[own], selves[own], *lent)
+            self._seen[part] = PartSamples(points[own], normals[own], selves[own], *lent, _find_ends(part, points[own], normals[own]))
 
     def probes(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """The places [4 s, 3] behind and ahead of samples [s, 3]."""
@@ -123,6 +126,23 @@ def _samples(parts: Sequence[Program], spacing: float, step: float) -> list[tupl
     ends = starts[np.cumsum([0, *map(len, own)])]
     out = [(points[a:b], normals[a:b]) for a, b in pairwise(ends)]
     return [_bare(part, *found, step) if isinstance(part, Combine) else found for part, found in zip(parts, out, strict=True)]
+
+
+def count_ends(part: Program) -> int:
+    """The flat ends of a primitive; of parts that are made of several none are told."""
+    return 2 * len(FLAT_ENDS.get(part.kind, {})) if isinstance(part, Primitive) else 0
+
+
+def _find_ends(part: Program, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Which flat end of a primitive samples [s, 3] are on, from 1, uint8 [s]."""
+    out = np.zeros(len(points), np.uint8)
+    if isinstance(part, Primitive):
+        rotation = matrix_from_euler(part.rotation)
+        local, along = (points - part.center) @ rotation, np.abs(normals @ rotation)
+        for k, axis in enumerate(FLAT_ENDS.get(part.kind, {})):
+            on = along[:, axis] > FLAT
+            out[on] = 2 * k + 1 + (local[on, axis] > 0)
+    return out
 
 
 def _bare(part: Combine, points: np.ndarray, normals: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:

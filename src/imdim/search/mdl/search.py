@@ -24,6 +24,7 @@ from imdim.geometry.sampling import subsample
 from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise
+from imdim.numbers.ties import have_same_shape
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, ring_curves
@@ -33,13 +34,15 @@ from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, 
 from imdim.program.tree import Combine, Op, Primitive, Program, leaves, map_leaves
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.candidates.blind_hole import blind_holes
+from imdim.search.mdl.candidates.copies import CopyPlaces
 from imdim.search.mdl.candidates.drawn import redraw, retrace
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
 from imdim.search.mdl.candidates.span import prolong, slots, span
 from imdim.search.mdl.candidates.step import stepped
-from imdim.search.mdl.description_length import length_of, numbers
+from imdim.search.mdl.copying import Copying, CopySource, put_in
+from imdim.search.mdl.description_length import PARALLEL_DEG, length_of, told_numbers
 from imdim.search.mdl.local_search import Choice, FittingStage, improvements, merge, own_moves, uses
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
@@ -52,6 +55,9 @@ MEETING = 0.25  # of the smaller box
 ASKED = 256  # badly explained points
 FILLINGS, FILLED = 150, 0.04  # parts that may fill a hole, and the share of its points that they have at least
 STILL, FEW = 0.5, 0.1  # deviations of the noise, and share of its points, by which a part may change and suggest the same
+MOST_SOURCES = 12  # new parts that copies are made of
+COPIES_S = 4.0  # that a first look at their places may take of the processor
+COPIED = 8  # changes with copies whose numbers get a first step
 MOST_USES = 2  # of one new part among the changes
 TWIN = 3.0  # deviations of the noise by which parts hardly differ whose numbers had their first step
 REFITTED = 4  # of them, whose numbers are fitted
@@ -78,6 +84,7 @@ def shorten(
     sigma: float | None = None,
     steps: bool = True,
     filling: bool = False,
+    copies: bool = False,
 ) -> Iterator[tuple[FittedProgram, float]]:
     """Programs that describe `points` [n, 3] in ever shorter ways, each after the best changes of a round, and how long they take.
 
@@ -85,13 +92,14 @@ def shorten(
     `tables_of_subsample` points keep for other calls what was computed for single parts. The points may `stand_for` a larger cloud.
     `sigma` is the deviation of their noise where the cloud itself has told it: in that of a program that runs between the skins of a thin
     wall is the wall. Parts may have `steps` that no single point shows. For `filling` a hole only the parts are put in whose surface has
-    the most of the points that are badly explained: these are few, and a round is quick.
+    the most of the points that are badly explained: these are few, and a round is quick. With `copies` parts are put in with copies of
+    them, too: for a program that has its large parts, since where these are missing small ones win by what they do not explain.
     """
     if deadline.has_passed():
         return
     draws = draws or tables_of_subsample(points, likely.noise.shadows)
     told = sigma or likely.noise.sigma
-    changes = _Changes(Cloud.of(points, told), draws, candidates, axes, stand_for or len(points), steps, filling, deadline)
+    changes = _Changes(Cloud.of(points, told), draws, candidates, axes, stand_for or len(points), steps, filling, copies, deadline)
 
     def fit(points: np.ndarray, config: EMConfig, most: float = math.inf) -> Callable[[_Trial], list[_Trial]]:
         return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, _limit(trial.likely.noise, most), config, deadline))]
@@ -100,7 +108,7 @@ def shorten(
         return [length_of(t.likely, stand_for or len(points)) for t in tried]
 
     start = _Trial(likely, (), (), ())
-    stages = FittingStage(fit(points[::FEWER], FIRST, told), TRIED), FittingStage(fit(points, REFIT), REFITTED)
+    stages = FittingStage(fit(points[::FEWER], FIRST, told), TRIED + copies * COPIED), FittingStage(fit(points, REFIT), REFITTED)
     begin = start, lengths([start])[0]
     for trial, length in improvements(begin, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
         yield trial.likely, length
@@ -152,7 +160,7 @@ def _limit(noise: Noise, most: float) -> Noise:
 
 
 def _worth(best: _Trial, trial: _Trial) -> float:
-    return 0.0 if numbers(trial.likely.program) < numbers(best.likely.program) else WORTH
+    return 0.0 if told_numbers(trial.likely) < told_numbers(best.likely) else WORTH
 
 
 def tables_of_subsample(points: np.ndarray, shadows: Shadows | None = None) -> PartTableCache:
@@ -214,8 +222,8 @@ def _lengths_of(loop: Loop) -> list[float]:
 @dataclass(frozen=True)
 class _Changes:
     """What a program of a `cloud` could become: its parts, the `candidates` and guesses along `axes`, judged by the points of `draws`,
-    which stand for so many as `count`; `steps` that no single point shows are looked for or not, and for `filling` a hole only what has
-    points of it."""
+    which stand for so many as `count`; `steps` that no single point shows are looked for or not, for `filling` a hole only what has
+    points of it, and parts are put in with their `copies` or not."""
 
     cloud: Cloud
     draws: PartTableCache
@@ -224,9 +232,12 @@ class _Changes:
     count: int
     steps: bool
     filling: bool = False
+    copies: bool = False
     deadline: Deadline = NEVER
     _known: _Guesses = field(default_factory=lambda: _Guesses([]))
     _drawn_anew: list[Primitive] = field(default_factory=list)
+    _lined: list[tuple[Op, Primitive]] = field(default_factory=list)
+    _took: list[float] = field(default_factory=list)
 
     def promising(self, found: _Trial) -> list[_Trial]:
         """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps."""
@@ -258,12 +269,66 @@ class _Changes:
         moves += [c for i in drawn for c in _in_place_of(itertools.permutations(sorted(meet[i]), 2), i, start)]
         moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
         anew = [(*start[:at], Step(start[at].op, term), *start[at + 1 :]) for term, at in enumerate(retraced.values(), begin)]
-        lengths = mixture.lengths([start, *moves])
+        explained, numbers = mixture.explain([start, *moves])
+        lengths = explained + numbers * scene.number
         better = [moves[i - 1] for i in _shortest(lengths) if lengths[i] < lengths[0] + SLACK]
         kept = itertools.islice(_few_of_each(_leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)
         # what is drawn anew may lie a little off everywhere: only fits tell its worth
         fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
-        return [*fitted, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
+        copied = self._copied(best, steps, mixture, (moves, explained)) if self.copies and self._has_time_for_copies() else []
+        return [*fitted, *copied, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
+
+    def _copied(
+        self, best: FittedProgram, steps: SignedSequence[Program], mixture: BatchedLikelihood, moves: tuple[Sequence[Choice], np.ndarray]
+    ) -> list[_Trial]:
+        """The program with parts and their copies, the most promising first; `moves` are those by single parts, with what the points take
+        before them all and after each."""
+        start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
+        shapes: list[tuple[Op, Primitive]] = []
+        for op, part in steps:
+            if isinstance(part, Primitive) and not any(op == did and have_same_shape(part, old, best.noise.sigma) for did, old in shapes):
+                shapes.append((op, part))
+        sources = [CopySource(part, op, len(steps), frozenset(), True, self._is_new(part, op)) for op, part in shapes]
+        sources += itertools.islice(self._new_sources(mixture, len(start), *moves), MOST_SOURCES)
+        places = CopyPlaces.of(best.program, self.cloud.points, self.axes, best.noise.sigma, PARALLEL_DEG)
+        length, out, begun = mixture.lengths([start])[0], [], self.deadline.now()
+        copied = Copying(mixture.scene, steps, places, self.deadline).find(sources, COPIED)
+        self._took.append(self.deadline.now() - begun)
+        for number, found in enumerate(copied, len(mixture.parts)):
+            if found.length < length + SLACK:
+                choice = put_in(start, number, found.op, found.at, found.gone)
+                parts = tuple(found.parts if term == number else mixture.parts[term] for _, term in choice)
+                program = to_program(tuple(Step(op, part) for (op, _), part in zip(choice, parts, strict=True)))
+                out.append(_Trial(replace(best, program=program), choice, parts, start))
+        return out
+
+    def _has_time_for_copies(self) -> bool:
+        """Whether there is time for the look at all places of copies, which is not cut short: the first takes the longest."""
+        return self.deadline.left() > max(self._took, default=COPIES_S)
+
+    def _new_sources(
+        self, mixture: BatchedLikelihood, settled: int, moves: Sequence[Choice], explained: np.ndarray
+    ) -> Iterator[CopySource]:
+        """New parts of single moves that explain something, whatever they cost, the most first; each once."""
+        twins, worth = list[Primitive](), explained[0] - explained[1:]
+        for k in np.argsort(-worth, kind="stable")[: np.count_nonzero(worth > 0)]:
+            choice = moves[k]
+            place = next((i for i, step in enumerate(choice) if step.term >= settled), None)
+            if place is None or not isinstance(part := mixture.parts[choice[place].term], Primitive):
+                continue
+            if any(_is_near(part, old, self.cloud.noise) for old in twins):
+                continue
+            twins.append(part)
+            at = choice[place + 1].term if place + 1 < len(choice) else settled
+            op, gone = choice[place].op, frozenset(range(settled)) - {s.term for s in choice}
+            yield CopySource(part, op, at, gone, False, self._is_new(part, op))
+
+    def _is_new(self, part: Primitive, op: Op) -> bool:
+        """Whether rows of a part like this were not looked for; they are from now on."""
+        if any(op == did and _is_near(part, old, self.cloud.noise) for did, old in self._lined):
+            return False
+        self._lined.append((op, part))
+        return True
 
     def _fit(self, noise: Noise) -> Callable[[Program], FittedProgram]:
         return lambda program: maximise_likelihood(program, self.cloud.points, noise, REFIT, self.deadline)

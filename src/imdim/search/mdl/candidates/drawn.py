@@ -22,7 +22,19 @@ from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_
 from imdim.geometry.surface import vec
 from imdim.numbers.outline_coordinates import center_leaf
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, Outline, Ring, check_crossings, flatten_loop, loop_area
+from imdim.program.outline import (
+    Loop,
+    Outline,
+    Ring,
+    check_crossings,
+    circle,
+    flatten_loop,
+    loop_area,
+    nesting,
+    rectangle,
+    reverse_ring,
+    shift_loop,
+)
 from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.mdl.curve_fitting import fit_outline
@@ -36,6 +48,7 @@ MOST_LEVELS = 6  # of which all pairs are looked at
 BORNE = 0.5  # share of an outline's points, and of the points meant, that must be near one another
 NEAR = 2.5  # deviations of the noise
 MOST_REDRAWN = 6
+FULL = 0.9  # of its box, that a hole fills which is taken for a rectangle
 SEGMENTS, MOST_WALKED = 96, 4096  # of a circle that is walked along, and places on the walk
 BULGING = (1.0, 2.0)  # deviations of the noise by which points lie off a wall that is drawn anew
 
@@ -97,6 +110,40 @@ def redraw(leaf: Primitive) -> Iterator[Primitive]:
             yield simplest(replace(leaf, outline=outline))
         except ValueError:
             continue
+
+
+def take_holes_apart(leaf: Primitive, beyond: float) -> tuple[Primitive, list[Primitive]]:
+    """An extrusion without the holes of its outline, and these as cuts of their own that end `beyond` it; what is nearly a circle or a
+    rectangle is one. As it is, and none, where it has none."""
+    if leaf.kind != "extrude" or leaf.outline is None or len(leaf.outline.loops) < 2:
+        return leaf, []
+    outer, *holes = sorted(leaf.outline.loops, key=lambda loop: -abs(loop_area(loop)))
+    return simplest(replace(leaf, outline=Outline((outer,)))), [_apart(leaf, loop, beyond) for loop in holes]
+
+
+def take_loops_apart(leaf: Primitive) -> list[Primitive]:
+    """An extrusion of several loops, none within another, as one of each; as it is where there is no such thing."""
+    if leaf.kind != "extrude" or leaf.outline is None or len(leaf.outline.loops) < 2 or min(nesting(leaf.outline.loops)) < 0:
+        return [leaf]
+    return [_apart(leaf, loop, 0.0) for loop in leaf.outline.loops]
+
+
+def _apart(leaf: Primitive, loop: Loop, beyond: float) -> Primitive:
+    return simplest(replace(leaf, size=(leaf.size[0] + 2 * beyond,), outline=Outline((_plain_hole(loop),))))
+
+
+def _plain_hole(loop: Loop) -> Loop:
+    """The rectangle or circle that a loop nearly is, the way round that an outline of its own runs; the loop itself otherwise."""
+    if isinstance(loop, Ellipse):
+        return loop
+    area = abs(loop_area(loop))
+    (left, low), (right, high) = Outline((loop,)).bounds
+    width, height = right - left, high - low
+    if area > FULL * width * height:
+        return shift_loop(rectangle(width, height).loops[0], (left + right) / 2, (low + high) / 2)
+    if min(width, height) > FULL * max(width, height) and abs(area / (math.pi / 4 * width * height) - 1) < 1 - FULL:
+        return circle(math.sqrt(area / math.pi), (left + right) / 2, (low + high) / 2)
+    return loop if loop_area(loop) > 0 else reverse_ring(loop)
 
 
 def retrace(leaf: Primitive, points: np.ndarray, sigma: float) -> Iterator[Primitive]:
