@@ -168,7 +168,7 @@ def test_what_two_wrong_parts_explain_together_is_taken_out_and_looked_for_anew(
     begun = []
 
     def add_a_rib(likely, *asked):
-        assert asked[-1], "only what fills the hole is to be put in"
+        assert asked[-2], "only what fills the hole is to be put in"
         begun.append(likely.program)
         return iter([(best, noisy._length(best))] if count(likely.program).primitives == 1 else [])
 

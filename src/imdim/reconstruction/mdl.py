@@ -259,8 +259,9 @@ class _NoisyCloud:
         copies = not self.trifle
         heirs = [found[0], *(h for h in [min(found, key=lambda h: h.promised)] if h is not found[0] and first.has_passed())]
         slow = SLOW if self.anew else 0.0
-        rounds = [replace(h, rounds=self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
-        best = self._in_turn(rounds, deadline, slow)[0].best
+        going = [replace(h, rounds=self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
+        going += [self._begin_with_copies(start, offered, deadline) for h in heirs if copies and (start := self._apart(h.best, deadline))]
+        best = self._in_turn(going, deadline, slow)[0].best
         # the deviations of a real thing are no noise that the points could tell
         less = best.noise.sigma / BLURRED_SKINS
         best, calmer = (best, False) if self.trifle else self._in_less_noise(best, offered, deadline)
@@ -288,13 +289,21 @@ class _NoisyCloud:
         return (lineage.best, lineage.best.noise.sigma < calm) if lineage.length < length - SAME else (best, False)
 
     def _copy(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
-        """The best with its copies tied to one another, and what the search comes to from there where parts are put in with copies: from it
-        as it is, and from it with the holes of drawings as cuts of their own, where that leads to less."""
-        best = self._tie(best, deadline)
-        apart = _with_holes_apart(best.program, best.noise.sigma)
-        starts = [best, *([self._tie(maximise_likelihood(apart, self.quick, best.noise, REFIT, deadline), deadline)] if apart else [])]
-        found = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, deadline, copies=True)) for s in starts], deadline)
-        return self._tie(found[0].best, deadline)
+        """The best, or what the search comes to from it with its copies tied to one another, and from it with the holes of drawings as cuts
+        of their own, where that is shorter."""
+        tied = self._tie(best, deadline)
+        starts = [tied if tied is not best else None, self._apart(best, deadline)]
+        lineages = [self._begin_with_copies(start, offered, deadline) for start in starts if start]
+        found = min([best, *(lineage.best for lineage in self._in_turn(lineages, deadline))], key=self._length)
+        return self._tie(found, deadline)
+
+    def _apart(self, best: FittedProgram, deadline: Deadline) -> FittedProgram | None:
+        """The best with the holes of its drawings as cuts of their own, tied where alike; None where there are none, or no time."""
+        apart = None if deadline.has_passed() else _with_holes_apart(best.program, best.noise.sigma)
+        return self._tie(maximise_likelihood(apart, self.quick, best.noise, REFIT, deadline), deadline) if apart else None
+
+    def _begin_with_copies(self, start: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> _Lineage:
+        return _Lineage(start, self._length(start), self._shorten(start, offered, deadline, copies=True))
 
     def _tie(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
         """The best with one shape for leaves whose shapes hardly differ, and with even places, as far as that makes it shorter."""
