@@ -18,7 +18,7 @@ from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.numbers.likelihood import Noise
 from imdim.program.cost import count
-from imdim.program.outline import Outline
+from imdim.program.outline import Outline, circle, rectangle
 from imdim.program.tree import Primitive, combine_all, leaves
 from imdim.reconstruction import mdl, methods
 from imdim.reconstruction.budget import Budget
@@ -442,3 +442,26 @@ def test_relations_are_judged_by_the_samples_that_judge_the_fit_without_them():
     likely = mdl.maximise_likelihood(apart, points, Noise(0.15))
     for flattered in (likely, replace(likely, nll=likely.nll - 0.01)):
         assert "coaxial" in [c.kind for c in mdl._hold_relations(flattered, points, NEVER)[1]]
+
+
+def test_copies_that_hardly_differ_become_alike_where_that_is_shorter():
+    holes = [cylinder(4, 20, (x, 0.0, 0.0)) for x in (-20.0, 0.0, 20.0)]
+    truth = cut(box(60, 24, 6), union(*holes))
+    noisy = mdl._NoisyCloud.of(cloud(truth, 0.004, n=2000), 0.26, np.eye(3), drawn=False)
+    apart = cut(box(60, 24, 6), union(*(replace(h, size=(4 + 0.1 * k, 20.0)) for k, h in enumerate(holes))))
+    best = mdl._fit(apart, noisy.quick, noisy._noise, NEVER)
+    tied = noisy._tie(best, NEVER)
+    assert len({round(p.size[0], 6) for p in leaves(tied.program) if p.kind == "cylinder"}) == 1
+    assert noisy._length(tied) < noisy._length(best)
+    other = cut(box(60, 24, 6), union(cylinder(6, 20, (-20.0, 0.0, 0.0)), cylinder(3, 20, (20.0, 0.0, 0.0))))
+    far = mdl._NoisyCloud.of(cloud(other, 0.004, n=2000), 0.26, np.eye(3), drawn=False)
+    fitted = mdl._fit(other, far.quick, far._noise, NEVER)
+    assert far._tie(fitted, NEVER) is fitted
+
+
+def test_holes_of_drawings_are_cuts_of_their_own_before_the_last_search():
+    drawn = Primitive("extrude", (6.0,), outline=Outline((*rectangle(60.0, 24.0).loops, circle(4.0, -20.0, 0.0), circle(4.0, 20.0, 0.0))))
+    apart = mdl._with_holes_apart(union(drawn, box(5, 5, 20)), 0.3)
+    assert [p.kind for p in leaves(apart)] == ["box", "box", "cylinder", "cylinder"]
+    assert volume_iou(to_manifold(apart), to_manifold(union(drawn, box(5, 5, 20)))) > 0.999
+    assert mdl._with_holes_apart(box(5, 5, 20), 0.3) is None
