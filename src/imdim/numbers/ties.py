@@ -143,9 +143,9 @@ def _levels(group: Sequence[int], places: np.ndarray, same: float) -> Iterator[t
                 yield axis, ((group[order[a]], 1.0), (group[order[b]], -2.0), (group[order[c]], 1.0))
 
 
-def tie_alike(program: Program, near: float, parallel_deg: float, level: bool = True) -> Program:
-    """The program in which leaves whose shapes differ by no more than `near` have one shape, the mean of them, and, where they are to be
-    `level`, coordinates in their frame that differ by no more have one value and steps that do are even; as it is where there are none."""
+def tie_alike(program: Program, near: float, parallel_deg: float) -> Program:
+    """The program in which leaves whose shapes differ by no more than `near` have one shape, the mean of them, coordinates of theirs in
+    their frame that differ by no more have one value, and steps that do are even; as it is where there are no such leaves."""
     program = map_leaves(program, lambda _, leaf: center_leaf(leaf))
     parts = [*leaves(program)]
     twins = [*_find_twins(parts, near)]
@@ -162,9 +162,8 @@ def tie_alike(program: Program, near: float, parallel_deg: float, level: bool = 
         for i in group:
             shaped[i] = replace(parts[i], size=mean.size, outline=mean.outline)
         together = [i for i in group if leads[i] == leads[first]]
-        if level:
-            frame = numbers.rotations[leads[first]]
-            centers[together] = _levelled(centers[together] @ frame, near) @ frame.T
+        frame = numbers.rotations[leads[first]]
+        centers[together] = _levelled(centers[together] @ frame, near) @ frame.T
     placed = [replace(p, center=tuple(c.tolist())) for p, c in zip(shaped, centers, strict=True)]
     return map_leaves(program, lambda i, _: placed[i])
 
