@@ -59,6 +59,7 @@ class Snap:
     edges: tuple = ()
     noisy: bool = False
     noise: None = None
+    edge_sizes: tuple = ()
 
 
 def box_found(target, settings, rng):
