@@ -23,7 +23,7 @@ def plate(radii=(2.0,) * 6, places=PLACES):
 
 
 def saved(program):
-    return int(ties_of(program, 2.0).saved([*leaves(program)]).sum())
+    return int(ties_of(program, 2.0).count_saved([*leaves(program)]).sum())
 
 
 def test_a_grid_of_copies_has_one_size_and_two_steps():

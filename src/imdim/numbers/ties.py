@@ -37,7 +37,7 @@ class Ties:
         """All that are tied to others."""
         return frozenset(i for pair in self.twins for i in pair)
 
-    def saved(self, parts: Sequence[Primitive]) -> np.ndarray:
+    def count_saved(self, parts: Sequence[Primitive]) -> np.ndarray:
         """How many numbers of each of the leaves earlier ones have, int64 [k]."""
         out = np.zeros(len(parts), np.int64)
         for i, _ in self.twins:

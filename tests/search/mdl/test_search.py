@@ -20,7 +20,7 @@ from imdim.program.sequence import Step, map_terms, to_program, to_sequence
 from imdim.program.tree import Primitive, leaves
 from imdim.search.mdl import part_tables, search
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
-from imdim.search.mdl.description_length import SKIN, description_length, length_of, numbers
+from imdim.search.mdl.description_length import FEATURE, SKIN, description_length, length_of, numbers
 from imdim.search.mdl.local_search import own_moves, uses
 from imdim.search.mdl.part_tables import PartTableCache, count_ends
 from imdim.search.mdl.search import _few_of_each, _in_place_of, _is_near, _leave_twins, _shortest, best_by_mdl, shorten
@@ -76,7 +76,8 @@ def slow_length(mixture, choice):
         np.add.at(total, drawn.lent, drawn.density * visible[owner])
     lattice = 1.5 * np.log(2 * np.pi) + np.log(tables.sigma) + 2 * np.log(tables.wide)
     density = (1 - scene.clutter) * total / max(shown, 1) / np.exp(lattice) + scene.clutter / scene.box
-    length = -np.log(density).mean() + 0.5 * (numbers(program) - hidden) * np.log(scene.count) / scene.count + SKIN * thin / max(shown, 1)
+    told = numbers(program) - hidden + FEATURE * sum(1 for _ in leaves(program))
+    length = -np.log(density).mean() + 0.5 * told * np.log(scene.count) / scene.count + SKIN * thin / max(shown, 1)
     return length if shown else np.inf
 
 
@@ -138,7 +139,7 @@ def test_the_tables_do_not_grow_for_ever(monkeypatch):
 def test_numbers_weigh_less_the_more_points_the_seen_ones_stand_for():
     points, block = cloud(box(20, 14, 9), 1000), box(20, 14, 9)
     few, many = (length_of(FittedProgram(block, Noise(0.4), 2.0, 0), n) for n in (len(points), 8000))
-    assert few - many == pytest.approx(4.5 * (np.log(1000) / 1000 - np.log(8000) / 8000))
+    assert few - many == pytest.approx((9 + FEATURE) / 2 * (np.log(1000) / 1000 - np.log(8000) / 8000))
 
 
 def test_what_is_cut_away_wholly_is_infinitely_long():

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from imdim.deadline import NEVER, Deadline
 from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.sequence import SignedSequence, Step
-from imdim.program.tree import Op, Primitive, Program, combine_all, leaves
+from imdim.program.tree import Op, Primitive, Program, combine_all
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.candidates.copies import CLOSE, CopyPlaces, find_rows
 from imdim.search.mdl.description_length import FEATURE, count_own
@@ -91,21 +91,18 @@ class Copying:
     def _lines(self, source: CopySource, copies: list[Primitive]) -> Iterator[_Offer]:
         """The source, with its `copies` that are put in, shifted along each axis."""
         row = [source.part, *copies]
-        program = combine_all("union", list(row))
         for axis in range(3):
             lengths = [self.places.length(p, axis) for p in row]
-            fine, steps = self.places.line(program, axis, min(lengths))
+            fine, steps = self.places.line(row, axis, min(lengths))
             low, high = (f(float(np.dot(p.center, self.places.axes[:, axis])) for p in row) for f in (min, max))
             least = math.ceil((high - low + CLOSE * max(lengths)) / fine)
             if len(steps) <= least:
                 continue
-            moved = [[*leaves(self.places.shifted(program, axis, fine * k))] for k in steps]
-            shift = self._shifter(row, axis, fine)
-            yield _Offer(moved, copies, _rows_among(steps.index(0), least, shift), True)
+            shift = partial(self._shift, row, axis, fine)
+            yield _Offer([shift(k) for k in steps], copies, _rows_among(steps.index(0), least, shift), True)
 
-    def _shifter(self, row: Sequence[Primitive], axis: int, fine: float) -> Callable[[float], list[Primitive]]:
-        program = combine_all("union", list(row))
-        return lambda by: [*leaves(self.places.shifted(program, axis, fine * by))]
+    def _shift(self, row: Sequence[Primitive], axis: int, fine: float, by: float) -> list[Primitive]:
+        return [self.places.shift(part, axis, fine * by) for part in row]
 
     def _complete(self, asked: Sequence[tuple[CopySource, _Offer]]) -> list[tuple[CopySource, list[Primitive], bool]]:
         """Each source with copies that explain something, and whether they are in a row; those that explain the most first."""

@@ -37,10 +37,10 @@ def description_length(program: Program, points: np.ndarray, noise: Noise) -> fl
 
 def length_of(likely: FittedProgram, count: int) -> float:
     """The description length of `count` points by a program that was fitted to them: the more, the less a number weighs."""
-    return likely.nll + 0.5 * told_numbers(likely) * math.log(count) / count + SKIN * likely.skin
+    return likely.nll + 0.5 * count_told(likely) * math.log(count) / count + SKIN * likely.skin
 
 
-def told_numbers(likely: FittedProgram) -> int:
+def count_told(likely: FittedProgram) -> int:
     """How many `numbers` a fitted program has that its points tell something of, and what stands for its leaves but for copies: where an
     end lies that shows nowhere, as of a hole that goes through, costs nothing (the prior is as wide as the posterior)."""
     own = [*leaves(likely.program)]
@@ -59,7 +59,7 @@ def numbers(program: Program, hidden: Sequence[int] = ()) -> int:
     for leaf, frame in zip(own, member.tolist(), strict=True):
         ways[frame] = max(ways.get(frame, 0), direction_numbers(leaf))
     ties = find_ties(own, lowered, member)
-    saved = ties.saved(own)
+    saved = ties.count_saved(own)
     copies = {i for i, _ in ties.twins}  # which say nothing of their own ends
     unseen = sum(count for i, count in enumerate(hidden) if i not in copies)
     return sum(map(count_own, own)) + sum(ways.values()) - int(saved.sum()) - unseen
@@ -116,7 +116,7 @@ def _count_shared(own: Sequence[Sequence[Primitive]], settled: int) -> np.ndarra
 def _saved(parts: Sequence[Primitive]) -> np.ndarray:
     """How many numbers of each of the leaves earlier ones have."""
     lowered = lower(combine_all("union", list(parts)))
-    return find_ties(parts, lowered, frames(lowered, PARALLEL_DEG)[0]).saved(parts)
+    return find_ties(parts, lowered, frames(lowered, PARALLEL_DEG)[0]).count_saved(parts)
 
 
 def _lie_along(parts: Sequence[Primitive], directions: np.ndarray) -> np.ndarray:

@@ -42,7 +42,7 @@ from imdim.search.mdl.candidates.shell_slot import shells, stadiums
 from imdim.search.mdl.candidates.span import prolong, slots, span
 from imdim.search.mdl.candidates.step import stepped
 from imdim.search.mdl.copying import Copying, CopySource, put_in
-from imdim.search.mdl.description_length import PARALLEL_DEG, length_of, told_numbers
+from imdim.search.mdl.description_length import PARALLEL_DEG, count_told, length_of
 from imdim.search.mdl.local_search import Choice, FittingStage, improvements, merge, own_moves, uses
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
@@ -160,7 +160,7 @@ def _limit(noise: Noise, most: float) -> Noise:
 
 
 def _worth(best: _Trial, trial: _Trial) -> float:
-    return 0.0 if told_numbers(trial.likely) < told_numbers(best.likely) else WORTH
+    return 0.0 if count_told(trial.likely) < count_told(best.likely) else WORTH
 
 
 def tables_of_subsample(points: np.ndarray, shadows: Shadows | None = None) -> PartTableCache:

@@ -15,11 +15,13 @@ from itertools import combinations
 import numpy as np
 
 from imdim.geometry.lowering import lower
+from imdim.geometry.surface import vec
 from imdim.numbers.shared_rotations import frames
 from imdim.numbers.ties import have_same_shape
 from imdim.program.motions import Motion, after, axes, euler, is_round, mirror, move_leaf, step, turn
 from imdim.program.rewrite.containment import bounding_radius, reach
-from imdim.program.tree import Primitive, Program, combine_all, leaves
+from imdim.program.tree import Primitive, Program, Vec3, leaves
+from imdim.program.vectors import minus, times
 
 MOST_TURNING = 1  # lines that copies are about
 TURNS = (2, 3, 4, 5, 6, 8, 10, 12)  # copies in a full circle about an axis, the part itself counted
@@ -72,9 +74,9 @@ class CopyPlaces:
         """Copies of a part that belong together: in the places of the copies of its neighbours, in mirrors, and about axes."""
         for group in self.classes:
             near = min(group, key=lambda p: math.dist(p.center, part.center))
-            yield [move_leaf(part, step(_minus(p.center, near.center))) for p in group if p is not near]
+            yield [move_leaf(part, step(minus(p.center, near.center))) for p in group if p is not near]
         for point in self._middles():
-            images = [mirror(point, _vec(self.axes[:, k])) for k in range(3)]
+            images = [mirror(point, vec(self.axes[:, k])) for k in range(3)]
             across = [m for m, k in zip(images, range(3), strict=True) if self._is_off(part, point, k)]
             for m in across:
                 yield [_image(part, m)]
@@ -85,40 +87,39 @@ class CopyPlaces:
                 for n in TURNS:
                     yield [move_leaf(part, turn(point, axis, 360 * k / n)) for k in range(1, n)]
 
-    def line(self, part: Program, axis: int, length: float) -> tuple[float, list[int]]:
-        """The step between the places of copies along an axis, of a part whose leaves have some `length` there, and by how many steps it
-        can be shifted within the cloud."""
-        centers = np.array([leaf.center for leaf in leaves(part)]) @ self.axes[:, axis]
+    def line(self, parts: Sequence[Primitive], axis: int, length: float) -> tuple[float, list[int]]:
+        """The step between the places of copies along an axis, of parts that have some `length` there, and by how many steps they can be
+        shifted within the cloud."""
+        centers = np.array([part.center for part in parts]) @ self.axes[:, axis]
         room = centers.min() - self.low[axis], self.high[axis] - centers.max()
         fine = max(FINE * self.sigma, length / PARTED, (self.high[axis] - self.low[axis]) / (2 * PLACES))
         return fine, [*range(-int(max(room[0], 0.0) / fine), int(max(room[1], 0.0) / fine) + 1)]
 
-    def shifted(self, part: Program, axis: int, by: float) -> Program:
+    def shift(self, part: Primitive, axis: int, by: float) -> Primitive:
         """The part `by` so far along an axis."""
-        motion = step(_vec(by * self.axes[:, axis]))
-        return combine_all("union", [move_leaf(leaf, motion) for leaf in leaves(part)])
+        return move_leaf(part, step(vec(by * self.axes[:, axis])))
 
     def length(self, part: Primitive, axis: int) -> float:
         """How long a part is along an axis at least, for copies that do not run into one another."""
         way = self.axes[:, axis]
-        return reach(part, _vec(way)) + reach(part, _vec(-way))
+        return reach(part, vec(way)) + reach(part, vec(-way))
 
-    def _middles(self) -> list[tuple[float, float, float]]:
+    def _middles(self) -> list[Vec3]:
         """Points that planes of mirrors go through: the middle of the cloud, and that of the largest part."""
         middle = self.axes @ (self.low + self.high) / 2
         largest = max(self._parts, key=bounding_radius)
         own = np.array(largest.center)
         # along each axis the largest part's middle where it is not the cloud's
         far = np.abs((own - middle) @ self.axes) > self.sigma
-        return [_vec(middle), *([_vec(own)] if far.any() else [])]
+        return [vec(middle), *([vec(own)] if far.any() else [])]
 
     def _is_off(self, part: Primitive, point: Sequence[float], axis: int) -> bool:
         away = abs(float((np.array(part.center) - point) @ self.axes[:, axis]))
         return away > max(self.sigma, CLOSE * self.length(part, axis) / 2)
 
-    def _turning(self) -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:
+    def _turning(self) -> list[tuple[Vec3, Vec3]]:
         """Lines that what is round turns about, each once."""
-        out: list[tuple[tuple[float, float, float], tuple[float, float, float]]] = []
+        out: list[tuple[Vec3, Vec3]] = []
         for part in sorted((p for p in self._parts if is_round(p) and p.kind != "sphere"), key=bounding_radius, reverse=True):
             axis = axes(part)[2]
             if not any(abs(float(np.dot(a, axis))) > 0.999 and _away(part.center, p, a) < self.sigma for p, a in out):
@@ -156,7 +157,7 @@ def _image(part: Primitive, motion: Motion) -> Primitive:
     if part.outline is None or not motion.mirrors or not (part.kind == "extrude" or is_round(part)):
         return move_leaf(part, motion)
     x, y, z = (motion.direction(axis) for axis in axes(part))
-    turned = euler(x, y, _minus((0.0, 0.0, 0.0), z)) if part.kind == "extrude" else euler(x, _minus((0.0, 0.0, 0.0), y), z)
+    turned = euler(x, y, times(z, -1.0)) if part.kind == "extrude" else euler(x, times(y, -1.0), z)
     return replace(part, center=motion.point(part.center), rotation=turned)
 
 
@@ -164,13 +165,3 @@ def _away(point: Sequence[float], on: Sequence[float], axis: Sequence[float]) ->
     """How far a point is from a line."""
     arm = np.subtract(point, on)
     return float(np.linalg.norm(arm - (arm @ axis) * np.array(axis)))
-
-
-def _minus(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    x, y, z = (s - t for s, t in zip(a, b, strict=True))
-    return x, y, z
-
-
-def _vec(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return x, y, z
