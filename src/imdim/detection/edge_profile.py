@@ -8,7 +8,7 @@ the points likeliest are found by narrowing a row of sizes. How sharply the like
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -103,12 +103,14 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class SeenEdge:
-    """The points [n, 2] of a cloud about an edge in its section, no farther than `reach`, and the deviation of their noise."""
+    """The points [n, 2] of a cloud about an edge in its section, no farther than `reach`, the deviation of their noise, and those of how
+    far in either face lies."""
 
     wedge: Wedge
     points: np.ndarray
     reach: float
     sigma: float
+    faces: tuple[float, float] = (0.0, 0.0)
 
     @cached_property
     def sharp(self) -> float:
@@ -171,22 +173,44 @@ class SeenEdge:
         return found, self.cost(found)
 
     def deviation(self, profile: Profile) -> float:
-        """The standard deviation of the size, by how the likelihood falls off beside it; infinite where it does not."""
-        size = max(profile.sizes)
-        step = max(CURVED * size, 0.1 * self.sigma)
-
-        def at(move: float) -> float:
-            return self.cost(profile.scale((size + move) / size))
-
-        bend = (at(step) + at(-step) - 2 * at(0.0)) / step**2
+        """The standard deviation of the size where the faces are, by how the likelihood falls off beside it; infinite where it does not."""
+        step = self._step(profile)
+        bend = (self._cost_beside(profile, step) + self._cost_beside(profile, -step) - 2 * self.cost(profile)) / step**2
         return 1 / math.sqrt(bend) if bend > 0 else math.inf
 
+    def deviation_by_faces(self, profile: Profile) -> float:
+        """The standard deviation that the size has from what is not known of where the faces are: the nearer one is, the larger is
+        a fillet of the same points, by 1.7 times as much between faces at right angles."""
+        step, known = self._step(profile), self.deviation(profile)
+        square = 0.0
+        for face, doubt in enumerate(self.faces if math.isfinite(known) else ()):
+            moved = np.zeros(2)
+            moved[face] = step
+            shift = np.linalg.solve(self.wedge.inward, moved)
+            farther, nearer = (replace(self, points=self.points + side * shift) for side in (-1, 1))
+            twist = sum(
+                sign * seen._cost_beside(profile, way * step)
+                for seen, way, sign in ((farther, 1, 1), (farther, -1, -1), (nearer, 1, -1), (nearer, -1, 1))
+            )
+            square += (doubt * twist / (4 * step**2) * known**2) ** 2
+        return math.sqrt(square)
 
-def see_edge(points: np.ndarray, wedge: Wedge, reach: float, sigma: float, offsets: tuple[float, float]) -> SeenEdge:
-    """An edge as `points` [n, 2] of its section show it within a reach, where the points of both faces lie inside these by `offsets`."""
+    def _step(self, profile: Profile) -> float:
+        return max(CURVED * max(profile.sizes), 0.1 * self.sigma)
+
+    def _cost_beside(self, profile: Profile, by: float) -> float:
+        """The cost of a blend larger by so much."""
+        return self.cost(profile.scale(1 + by / max(profile.sizes)))
+
+
+def see_edge(
+    points: np.ndarray, wedge: Wedge, reach: float, sigma: float, offsets: tuple[float, float], faces: tuple[float, float] = (0.0, 0.0)
+) -> SeenEdge:
+    """An edge as `points` [n, 2] of its section show it within a reach, where the points of both faces lie inside these by `offsets`, with
+    deviations of `faces`."""
     points = points - np.linalg.solve(wedge.inward, np.array(offsets))
     near = points[np.linalg.norm(points, axis=1) < reach]
-    return SeenEdge(wedge, np.ascontiguousarray(near[:: len(near) // MOST + 1]), reach, sigma)
+    return SeenEdge(wedge, np.ascontiguousarray(near[:: len(near) // MOST + 1]), reach, sigma, faces)
 
 
 def section_of(track: Track, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

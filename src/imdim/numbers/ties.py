@@ -74,8 +74,9 @@ def shape_numbers(leaf: Primitive) -> int:
     if leaf.outline is None:
         return len(SIZE_NAMES[leaf.kind])
     turned = leaf.kind == "revolve"
-    angle = turned and leaf.size[0] != FULL_TURN
-    return outline_coordinates(leaf.outline, turned).count + (angle - 1 if turned else 1 - 2)
+    size = leaf.size[0] != FULL_TURN if turned else 1  # an angle, or a height
+    placed = 1 if turned else 2  # coordinates of its middle that those of its own outline would say
+    return outline_coordinates(leaf.outline, turned).count + size - placed
 
 
 def find_ties(parts: Sequence[Primitive], numbers: Lowered, member: np.ndarray, twins: Sequence[tuple[int, int]] | None = None) -> Ties:

@@ -43,6 +43,7 @@ CALM = 1.5e-4  # of the diagonal: how far points may be off at least
 AMPLE = 0.5  # of a reach, before which a blend ends that is well seen
 INSET = 0.25  # of an edge's length at most, by which what meets it at its ends is left out
 CLEAR = 8.0  # deviations of the noise, that points are looked at about an edge at least
+MEDIAN = math.sqrt(math.pi / 2)  # how much farther off a median is than a mean
 BAND = 4.0  # deviations of the noise, within which points are a face's
 ALONG = 64  # places along an edge
 MARGINS, ENOUGH = (0.06, 0.04, 0.025), 25  # of the diagonal: how far from all edges; and points, that tell where a face is
@@ -143,7 +144,8 @@ def _read_edges(
     read, unseen = list[ReadEdge](), 0
     for edge in taken:
         one, two = pairs[edge.edge]
-        view = _FacedEdge(edge, shown[off[one] & off[two]], (offsets.get(one, 0.0), offsets.get(two, 0.0)))
+        untold = 0.0, noise.sigma / math.sqrt(ENOUGH)
+        view = _FacedEdge(edge, shown[off[one] & off[two]], (offsets.get(one, untold), offsets.get(two, untold)))
         known = None if deadline.has_passed() else _read((one, two), view, points, noise)
         if known is None:
             unseen += 1
@@ -154,9 +156,9 @@ def _read_edges(
 
 def _face_offsets(
     program: Program, carriers: Mapping[Face, Surface], edges: Sequence[BlendedEdge], points: np.ndarray, noise: NoiseModel
-) -> dict[Face, float]:
-    """How far the points of each face lie beyond its carrier, in the middle of those that are far from all edges; of faces without such
-    points nothing is told."""
+) -> dict[Face, tuple[float, float]]:
+    """How far the points of each face lie beyond its carrier, in the middle of those that are far from all edges, and the deviation of
+    that; of faces without such points nothing is told."""
     if not edges:
         return {}
     near = points[np.abs(program_sdf(program, points)) < BAND * noise.sigma]
@@ -168,29 +170,31 @@ def _face_offsets(
         for margin in MARGINS:
             own = off[on & (away > margin * noise.diagonal)]
             if len(own) >= ENOUGH:
-                out[face] = float(np.median(own))
+                out[face] = float(np.median(own)), MEDIAN * noise.sigma / math.sqrt(len(own))
                 break
     return out
 
 
 class _FacedEdge(NamedTuple):
-    """An edge, places [m, 3] of other faces, before which the look ends, and how far points of its faces lie beyond these."""
+    """An edge, places [m, 3] of other faces, before which the look ends, and how far points of its faces lie beyond these, with the
+    deviation of that."""
 
     edge: BlendedEdge
     others: np.ndarray
-    offsets: tuple[float, float]
+    offsets: tuple[tuple[float, float], tuple[float, float]]
 
 
 def _read(pair: tuple[Face, Face], view: _FacedEdge, points: np.ndarray, noise: NoiseModel) -> ReadEdge | None:
     """The likeliest blend of each kind along an edge; None where too few points are near it."""
     edge, track = view.edge, view.edge.track
     wedge = Wedge.of(track, edge.stretch.sides)
-    inside = (edge.stretch.sides[0] * view.offsets[0], edge.stretch.sides[1] * view.offsets[1])
+    (one, known), (two, also_known) = view.offsets
+    inside = edge.stretch.sides[0] * one, edge.stretch.sides[1] * two
     nearest = float(np.linalg.norm(_along(edge, view.others, math.inf)[1], axis=1).min(initial=np.inf))
     widest = min(REACH * noise.diagonal, OPEN * nearest, INNER * track.radius if track.is_round else np.inf)
     views = []
     for reach in (widest * share for share in SHARES if widest * share > CLEAR * noise.sigma):
-        seen = see_edge(_along(edge, points, reach)[1], wedge, reach, noise.sigma, inside)
+        seen = see_edge(_along(edge, points, reach)[1], wedge, reach, noise.sigma, inside, (known, also_known))
         if len(seen.points) >= FEWEST:
             views.append(seen)
     readings: dict[EdgeKind, LikelyBlend] = {}
@@ -312,12 +316,16 @@ def _is_worth(profile: Profile, own: Sequence[ReadEdge], price: float) -> bool:
 
 
 def _measure_sizes(profile: Profile, own: Sequence[ReadEdge]) -> MeasuredSizes:
-    """The likeliest sizes of a blend of some edges."""
+    """The likeliest sizes of a blend of some edges. What is not known of their faces is the same for edges that share one, and does not
+    grow less with their number."""
     seen = _views(profile, own)
     best = _share_size(profile, seen)
-    known = [view.deviation(best) for view in seen]
-    weight = sum(1 / d**2 for d in known)
-    return MeasuredSizes(tuple(sorted(map(float, best.sizes))), NORMAL_95 / math.sqrt(weight) if weight else math.inf)
+    weights = np.array([view.deviation(best) ** -2.0 for view in seen])
+    if not weights.sum():
+        return MeasuredSizes(tuple(sorted(map(float, best.sizes))), math.inf)
+    by_faces = np.array([view.deviation_by_faces(best) for view in seen])
+    deviation = math.sqrt(1 / weights.sum() + float(np.average(by_faces**2, weights=weights)))
+    return MeasuredSizes(tuple(sorted(map(float, best.sizes))), NORMAL_95 * deviation)
 
 
 def _share_size(profile: Profile, seen: Sequence[SeenEdge]) -> Profile:

@@ -89,4 +89,5 @@ def test_holes_of_a_drawing_become_cuts_of_their_own():
     apart = Primitive("extrude", (5.0,), outline=Outline((rectangle(4.0, 4.0).shift(-9.0, 0.0).loops[0], circle(2.0, 5.0, 0.0))))
     assert sorted(p.kind for p in take_loops_apart(apart)) == ["box", "cylinder"]
     assert take_loops_apart(leaf) == [leaf]
+    assert take_holes_apart(apart, 1.0) == (apart, [])  # islands are no holes
     assert take_holes_apart(box(3, 3, 3), 1.0) == (box(3, 3, 3), [])

@@ -105,13 +105,10 @@ class CopyPlaces:
         return reach(part, vec(way)) + reach(part, vec(-way))
 
     def _middles(self) -> list[Vec3]:
-        """Points that planes of mirrors go through: the middle of the cloud, and that of the largest part."""
+        """Points that planes of mirrors go through: the middle of the cloud, and that of the largest part where it is another."""
         middle = self.axes @ (self.low + self.high) / 2
-        largest = max(self._parts, key=bounding_radius)
-        own = np.array(largest.center)
-        # along each axis the largest part's middle where it is not the cloud's
-        far = np.abs((own - middle) @ self.axes) > self.sigma
-        return [vec(middle), *([vec(own)] if far.any() else [])]
+        own = max(self._parts, key=bounding_radius).center
+        return [vec(middle), *([own] if math.dist(own, middle) > self.sigma else [])]
 
     def _is_off(self, part: Primitive, point: Sequence[float], axis: int) -> bool:
         away = abs(float((np.array(part.center) - point) @ self.axes[:, axis]))

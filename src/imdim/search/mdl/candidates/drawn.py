@@ -114,10 +114,12 @@ def redraw(leaf: Primitive) -> Iterator[Primitive]:
 
 def take_holes_apart(leaf: Primitive, beyond: float) -> tuple[Primitive, list[Primitive]]:
     """An extrusion without the holes of its outline, and these as cuts of their own that end `beyond` it; what is nearly a circle or a
-    rectangle is one. As it is, and none, where it has none."""
-    if leaf.kind != "extrude" or leaf.outline is None or len(leaf.outline.loops) < 2:
+    rectangle is one. As it is, and none, where it has none, or more than one outer loop."""
+    loops = leaf.outline.loops if leaf.kind == "extrude" and leaf.outline else ()
+    sides = nesting(loops)
+    if sides.count(1) != 1 or len(loops) < 2:
         return leaf, []
-    outer, *holes = sorted(leaf.outline.loops, key=lambda loop: -abs(loop_area(loop)))
+    outer, holes = loops[sides.index(1)], [loop for loop, side in zip(loops, sides, strict=True) if side < 0]
     return simplest(replace(leaf, outline=Outline((outer,)))), [_apart(leaf, loop, beyond) for loop in holes]
 
 
