@@ -7,8 +7,8 @@ from tests.planted import box, cut, cylinder
 from imdim.delivery.finish import finish
 from imdim.export.cadquery import to_cadquery
 from imdim.export.delivered import texts_of
-from imdim.export.edit import change_values, open_delivered
-from imdim.export.hole_names import hole_notes
+from imdim.export.edit import EditError, change_values, open_delivered
+from imdim.export.hole_names import hole_features, hole_notes
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.holes import find_holes
 from imdim.program.codec import dumps, parse
@@ -87,6 +87,18 @@ def test_comments_follow_an_edit():
     assert all(text.count(said) == 1 and SAID not in text for text in after.texts.values())
     again = open_delivered(parse(dumps(after.program, after.meta, after.constraints, after.folded)), after.texts)
     assert change_values(again, {"m3_hole_diameter": 3.4}).texts == opened(BORED).texts
+
+
+def test_a_list_of_holes_that_says_something_else_than_the_solid_is_refused():
+    delivered = opened(BORED)
+    holes = hole_features(delivered.program)
+    text = dumps(delivered.program, delivered.meta, delivered.constraints, delivered.folded, holes=holes)
+    assert open_delivered(parse(text), delivered.texts).values == delivered.values
+    changed = parse(text.replace('"diameter": 3.4', '"diameter": 4.0'))
+    with pytest.raises(EditError, match=r"\$.holes\[0\] .* is not what its primitives make.*take the list out"):
+        open_delivered(changed, delivered.texts)
+    without = {key: value for key, value in changed.items() if key != "holes"}
+    assert open_delivered(without, delivered.texts).values == delivered.values
 
 
 def test_without_holes_nothing_is_said_of_them():

@@ -74,7 +74,10 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
 def _check_holes(written: Sequence[HoleFeature], program: Program) -> None:
     """Raise EditError for holes that were changed by hand: they follow from the primitives."""
     if written and (stale := find_stale(written, hole_features(program))) is not None:
-        raise EditError(f"$.holes[{stale}] of program.json is not what its primitives make: change a hole by the names that --list shows")
+        raise EditError(
+            f"$.holes[{stale}] of program.json is not what its primitives make: change a hole by the names that --list shows, "
+            "or take the list out where primitives were changed by hand, and it is written anew"
+        )
 
 
 def change_values(delivered: Delivered, values: Mapping[str, float]) -> Delivered:
