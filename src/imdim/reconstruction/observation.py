@@ -194,7 +194,7 @@ def observe(
     all are). Raises UnseenError.
     """
     patches, closing, noise = _surfaces(body, rng, detect_by)
-    if outlines and body.target.mesh is None:
+    if outlines and body.target.mesh is None and not noise.blurs:
         body, patches, closing = _sharpen(body, patches, closing, noise, rng, detect_by)
     unit = body.target
     cut = unit.mesh is None and detect_by.has_passed()
