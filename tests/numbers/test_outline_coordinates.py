@@ -35,7 +35,7 @@ def boundary(outline, count=2000):
 @pytest.mark.parametrize("turned", [False, True])
 def test_each_coordinate_moves_the_boundary_as_distances_say(turned):
     coordinates, points = outline_coordinates(SHAFT, turned), boundary(SHAFT)
-    rows = coordinates.rows(points, gradient(SHAFT, points))
+    rows = coordinates.rows(points, gradient(SHAFT, points)).toarray()
     for j, by in enumerate(np.eye(coordinates.count) * STEP):
         measured = -(sdf(coordinates.move(by), points) - sdf(coordinates.move(-by), points)) / (2 * STEP)
         assert np.abs(measured - rows[:, j]).max() < 1e-3

@@ -206,12 +206,12 @@ def _add_outlines(
         own = np.flatnonzero(leaf == i)
         places, normals = in_plane(part.kind, numbers.centers[i], numbers.rotations[i], shown.points[own], shown.normals[own])
         moves = -coordinates.rows(places, normals)
-        weighed = share.mass[own, None] * moves
+        weighed = moves.multiply(share.mass[own, None]).tocsr()
         # what moves a leaf as a whole are few of the unknowns
         moving = np.flatnonzero(basis[i].any(0))
-        across = basis[i][:, moving].T @ (tangent[own].T @ weighed)
+        across = basis[i][:, moving].T @ (weighed.T @ tangent[own]).T
         whole[moving, first:last], whole[first:last, moving] = across, across.T
-        whole[first:last, first:last] = moves.T @ weighed
+        whole[first:last, first:last] = (moves.T @ weighed).toarray()
         slope[first:last] = weighed.T @ share.offset[own]
     return _Drawn(whole, slope, [(i, coordinates, int(first)) for (i, coordinates, _), first in zip(drawn, ends, strict=False)])
 

@@ -114,7 +114,7 @@ class Coordinates:
         for i, own, first in self.outlines:
             mine, kind = np.flatnonzero(leaf == i), next(p.kind for n, p in enumerate(leaves(self.program)) if n == i)
             places = in_plane(kind, self.numbers.centers[i], self.numbers.rotations[i], shown.points[mine], shown.normals[mine])
-            out[mine, first : first + own.count] = -own.rows(*places)
+            out[mine, first : first + own.count] = -own.rows(*places).toarray()
         return out
 
 

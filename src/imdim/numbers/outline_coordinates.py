@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 from numba import njit
+from scipy.sparse import csr_array
 
 from imdim.geometry.lowering import Outlines
 from imdim.geometry.rotations import matrix_from_euler
@@ -22,6 +23,7 @@ from imdim.program.tree import Primitive
 
 MOST_BENT = 3.0  # bulge of an arc; a step makes none rounder
 LEAST_AXIS = 0.1  # of a semi-axis, which a step leaves
+LEAST_NORMAL = 1e-9  # of length 1, below which what is left of a normal in the outline's plane is rounding
 SMALL = 1e-6  # half an arc's turn, in radians, below which it is a line
 
 
@@ -37,12 +39,15 @@ class OutlineCoordinates:
     def count(self) -> int:
         return self.map.shape[1]
 
-    def rows(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """How far along their outward unit `normals` [n, 2] the `points` [n, 2] of the outline move by each coordinate: [n, p]."""
+    def rows(self, points: np.ndarray, normals: np.ndarray) -> csr_array:
+        """How far along their outward unit `normals` [n, 2] the `points` [n, 2] of the outline move by each coordinate: [n, p]. Few of an
+        outline with many curves move a point."""
         curves = Outlines.pack([self.outline]).curves
         # one kind of array is one kernel to compile
         flat = np.ascontiguousarray(points), np.ascontiguousarray(normals)
-        return _vertex_rows(curves, _following(self.outline), *flat) @ self.map
+        values, columns = _vertex_rows(curves, _following(self.outline), *flat)
+        starts = np.arange(0, values.size + 1, values.shape[1])
+        return csr_array((values.ravel(), columns.ravel(), starts), (len(points), len(self.map))) @ csr_array(self.map)
 
     def move(self, step: np.ndarray) -> Outline:
         """The outline after a step [p]. Raises ValueError for one that bounds nothing."""
@@ -139,34 +144,35 @@ def _following(outline: Outline) -> np.ndarray:
 
 @njit(nogil=True, cache=True)
 def _vertex_rows(curves, following, points, normals):  # pragma: no cover - compiled
-    """How far along their normals the points move by x and y of each vertex and by the height of its arc, [n, 3 v]."""
-    out = np.zeros((len(points), 3 * len(curves)))
+    """How far along their normals the points move by x and y of the vertex before them, by the height of its arc, and by x and y of the
+    vertex behind them, [n, 5], and which of the 3 v numbers of all vertices these are [n, 5]."""
+    out, which = np.zeros((len(points), 5)), np.zeros((len(points), 5), np.int64)
     for j in range(len(points)):
+        if abs(normals[j, 0]) + abs(normals[j, 1]) < LEAST_NORMAL:  # on an end
+            continue
         i = _find_nearest(curves, points[j, 0], points[j, 1])
         if curves[i, 7] < 0.0:
             _, at = _place_on_ellipse(curves[i], points[j, 0], points[j, 1])
         else:
             at = _place_on(curves[i], points[j, 0], points[j, 1])
+        first, after = 3 * i, 3 * following[i]
+        which[j, 0], which[j, 1], which[j, 2], which[j, 3], which[j, 4] = first, first + 1, first + 2, after, after + 1
         nx, ny, half = normals[j, 0], normals[j, 1], 2 * math.atan(curves[i, 4])
         ux, uy = curves[i, 2] - curves[i, 0], curves[i, 3] - curves[i, 1]
         if curves[i, 7] < 0.0:
             cosine, sine, length = math.cos(at), math.sin(at), math.sqrt(ux * ux + uy * uy)
-            out[j, 3 * i], out[j, 3 * i + 1] = nx, ny
-            out[j, 3 * i + 2] = (nx * (cosine * ux - sine * uy) + ny * (cosine * uy + sine * ux)) / length
+            out[j, 0], out[j, 1] = nx, ny
+            out[j, 2] = (nx * (cosine * ux - sine * uy) + ny * (cosine * uy + sine * ux)) / length
             continue
         along, aside, along_by, aside_by = _arc(at, half)
         # a point of a curve is start + along * chord + aside * chord turned left
         ex, ey = along * nx + aside * ny, along * ny - aside * nx
-        k = 3 * following[i]
-        out[j, 3 * i] += nx - ex
-        out[j, 3 * i + 1] += ny - ey
-        out[j, k] += ex
-        out[j, k + 1] += ey
+        out[j, 0], out[j, 1], out[j, 3], out[j, 4] = nx - ex, ny - ey, ex, ey
         if half != 0.0:
             # the tangent of half a turn's half is twice the height by the chord
             by_height = math.cos(half / 2) ** 2 * 4 / math.sqrt(ux * ux + uy * uy)
-            out[j, 3 * i + 2] = (along_by * (ux * nx + uy * ny) + aside_by * (ux * ny - uy * nx)) * by_height
-    return out
+            out[j, 2] = (along_by * (ux * nx + uy * ny) + aside_by * (ux * ny - uy * nx)) * by_height
+    return out, which
 
 
 @njit(nogil=True, cache=True)

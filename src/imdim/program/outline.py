@@ -32,9 +32,11 @@ Curve = tuple[float, float, float, float, float]  # x and y of the start and of 
 
 MOST_CURVES = 2000  # of one outline
 TOUCHING = 1e-9  # of the outline's extent, within which two curves touch
+SPREAD = 1e-6  # sine of the angle between two lines, from which rounding does not move where they cross
 AT_END = 1e-4  # of the step between corners of a circle: one as near to an arc's end is that end
 PARTING = 5e-5  # of it, by which neighbours that are all but tangent may part before they meet again
 UPRIGHT = 1e-7  # of a unit normal, below which its x is none
+BOX_SLACK = 1e-9  # of a box, by which rounding may miss an arc
 LEAST_BULGE, MOST_BULGE = 1e-9, 1e9  # of an arc whose centre, or whose ends, can be told from its other numbers
 
 
@@ -201,6 +203,14 @@ def curve_bounds(curves: Sequence[Curve | Ellipse]) -> tuple[Point, Point]:
     return (min(xs), min(ys)), (max(xs), max(ys))
 
 
+def _bounds_of(curve: Curve | Ellipse) -> tuple[Point, Point]:
+    """As `curve_bounds`, of one, and sooner of a line."""
+    if isinstance(curve, Ellipse) or curve[4]:
+        return curve_bounds([curve])
+    x, y, u, v, _ = curve
+    return (min(x, u), min(y, v)), (max(x, u), max(y, v))
+
+
 def arc_radius(curve: Curve) -> float:
     """Radius of an arc."""
     x, y, u, v, b = curve
@@ -278,8 +288,31 @@ def regions(outline: Outline) -> list[tuple[Loop, ...]]:
 
 def nesting(loops: Sequence[Loop]) -> list[int]:
     """1 for outer loops and islands, -1 for holes: by how many other loops hold a vertex."""
-    depth = [sum(is_in_loop(other, *start_of(loop)) for other in loops if other is not loop) for loop in loops]
+    if len(loops) == 1:
+        return [1]
+    starts, boxes = [start_of(loop) for loop in loops], [_box_about(loop) for loop in loops]
+    depth = [0] * len(loops)
+    for other, (left, right, low, high) in zip(loops, boxes, strict=True):
+        for i, (x, y) in enumerate(starts):
+            # few points lie in the box of another loop, and a box is soon asked
+            if left <= x <= right and low <= y <= high and loops[i] is not other:
+                depth[i] += is_in_loop(other, x, y)
     return [1 if d % 2 == 0 else -1 for d in depth]
+
+
+def _box_about(loop: Loop) -> tuple[float, float, float, float]:
+    """The least and greatest x, and y, of a box that a loop lies in, which need not be the smallest: no point of an arc is farther from the
+    middle of its chord than half of that, or than it bulges."""
+    if isinstance(loop, Ellipse):
+        far = max(loop.rx, loop.ry)
+        return loop.x - far, loop.x + far, loop.y - far, loop.y + far
+    xs, ys = [x for x, _, _ in loop], [y for _, y, _ in loop]
+    for x, y, u, v, b in ring_curves(loop):
+        if b:
+            far = 0.5 * (1 + BOX_SLACK) * max(1.0, abs(b)) * math.dist((x, y), (u, v))
+            xs += [(x + u) / 2 - far, (x + u) / 2 + far]
+            ys += [(y + v) / 2 - far, (y + v) / 2 + far]
+    return min(xs), max(xs), min(ys), max(ys)
 
 
 def _signs(loops: Sequence[Loop]) -> list[int]:
@@ -322,7 +355,7 @@ def check_crossings(outline: Outline) -> None:
     Refused too are curves that are too short, too flat or too round for that to be told.
     """
     _check_bulges(outline)
-    boxes = [curve_bounds([curve]) for curve in outline.curves]
+    boxes = [_bounds_of(curve) for curve in outline.curves]
     power = _power_to_unit(boxes)
     loops = [_scale_loop(loop, lambda length: math.ldexp(length, -power)) for loop in outline.loops]
     tolerance = TOUCHING * math.ldexp(_extent(boxes), -power)
@@ -354,7 +387,16 @@ def _meets_apart(a: Curve | Ellipse, b: Curve | Ellipse, tolerance: float, same_
     if isinstance(a, Ellipse) or isinstance(b, Ellipse):
         return any(True for _ in _meeting_points(a, b, tolerance, ()))
     shared = {c for c in ((a[0], a[1]), (a[2], a[3])) if c in ((b[0], b[1]), (b[2], b[3]))} if same_loop else set()
+    if len(shared) == 1 and not a[4] and not b[4] and _spread(a, b, tolerance):
+        return False
     return any(_apart(a, b, _nearest(p, shared)) > tolerance for p in _meeting_points(a, b, tolerance, shared))
+
+
+def _spread(a: Curve, b: Curve, tolerance: float) -> bool:
+    """Whether two lines with a common end are so far from one direction that they cannot meet elsewhere."""
+    dx, dy, ex, ey = a[2] - a[0], a[3] - a[1], b[2] - b[0], b[3] - b[1]
+    length, other, cross = math.hypot(dx, dy), math.hypot(ex, ey), abs(dx * ey - dy * ex)
+    return cross > max(SPREAD * length * other, 2 * tolerance * max(length, other))
 
 
 def _apart(a: Curve, b: Curve, away: float) -> float:

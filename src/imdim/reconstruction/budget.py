@@ -38,7 +38,7 @@ SHARES: Mapping[Stage, Share] = {
     "detect": Share(0.3),  # a cloud's surfaces are found
     "label": Share(0.37),  # a cloud's samples know their side
     "search": Share(0.5),  # the solver and delivery need the rest
-    "noisy_search": Share(0.5, 0.15),  # what the cells of a noisy cloud say is not worth more
+    "noisy_search": Share(0.5, 0.08),  # what the cells of a noisy cloud say is not worth more
     "starts": Share(0.5, 0.4),  # the search's best starts get the rest
     "seeds": Share(0.5, 0.4),  # evolution needs the rest
     "resume": Share(0.7),  # a person's program is evolved

@@ -32,6 +32,7 @@ from imdim.search.outline_families import NO_PLANES, PricedPlanes, find_planes
 from imdim.target.target import InputError, Target
 
 SAMPLES = 150_000  # labelled, spread over the cells
+NOISY_SAMPLES = 40_000  # of a cloud whose noise blurs it: its cells only begin the search for the likeliest program
 DOUBT = 8.0  # times the price of a feature in noise, whose samples are often on the wrong side of thin parts
 SHARPENED = 3  # times that edges of a cloud are sharpened: faces come out that were blends' neighbours
 LEAST_WALL = 3e-4  # of a body's surface, that a wall of an outline shows
@@ -207,7 +208,7 @@ def observe(
     size_weight *= DOUBT if noise.blurs else 1.0
     arrangement = arrange(surfaces, areas, bounds, ArrangementConfig(least_wall=LEAST_WALL) if outlines else ArrangementConfig())
     label = _labeller(unit, patches, label_by)
-    samples = label_samples(arrangement, label, SAMPLES, rng)
+    samples = label_samples(arrangement, label, NOISY_SAMPLES if noise.blurs else SAMPLES, rng)
     cut = cut or (unit.mesh is None and label_by.has_passed())
     cells = compress_samples(arrangement, samples)
     if not (cells.gain > 0).any():
