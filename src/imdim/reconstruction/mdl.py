@@ -29,6 +29,7 @@ from imdim.reconstruction.observation import Observation, UnitBody
 from imdim.reconstruction.policy_beam import PolicyOf, beam_programs, has_time_for_beam, next_parts, proposals
 from imdim.relations.discover import discover
 from imdim.relations.residuals import rows_of
+from imdim.search.mdl.blurred_skins import may_hide_skins
 from imdim.search.mdl.candidates.drawn import retrace, take_holes_apart, take_loops_apart
 from imdim.search.mdl.candidates.shell_slot import compounds
 from imdim.search.mdl.description_length import PARALLEL_DEG, length_of
@@ -63,7 +64,6 @@ DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
-BEGUN = EMConfig(rounds=8)
 # walls that blur thin or thicken slowly, as the noise grows or falls
 CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)
 AHEAD = 2.0  # rounds like its last one that a search is given credit for
@@ -239,7 +239,7 @@ class _NoisyCloud:
         no time for some of them.
         """
         if deadline.has_passed() or not candidates:
-            return self._start(programs, deadline), deadline.has_passed()
+            return self._first(programs, deadline), deadline.has_passed()
         singles = [p for p in candidates if isinstance(p, Primitive)]
         plain = [p for p in candidates if all(leaf.outline is None for leaf in leaves(p))]
         # with what the others begin with each would become as they are
@@ -248,7 +248,7 @@ class _NoisyCloud:
         starts = [(self._first(some, deadline), offered) for some, offered in groups if some]
         has_drawings = [any(leaf.outline is not None for leaf in leaves(p)) for p in programs]
         apart = ([p for p, has in zip(programs, has_drawings, strict=True) if has == wanted] for wanted in (True, False))
-        starts.extend((self._start(some, deadline), candidates) for some in apart if some)
+        starts.extend((self._first(some, deadline), candidates) for some in apart if some)
         first = deadline.ahead(FIRST_SHARE * deadline.left())
         begun = sorted((self._lineage(s, offered, first) for s, offered in starts), key=lambda lineage: lineage.length)
         left = first.left()
@@ -264,7 +264,8 @@ class _NoisyCloud:
         best = self._in_turn(going, deadline, slow)[0].best
         # the deviations of a real thing are no noise that the points could tell
         less = best.noise.sigma / BLURRED_SKINS
-        best, calmer = (best, False) if self.trifle else self._in_less_noise(best, offered, deadline)
+        hidden = not self.trifle and may_hide_skins(best.program, self.quick, best.noise.sigma)
+        best, calmer = self._in_less_noise(best, offered, deadline) if hidden else (best, False)
         cloud = replace(self, sigma=less) if calmer else self
         if not self.trifle:
             best = cloud._copy(best, offered, deadline)
@@ -408,11 +409,6 @@ class _NoisyCloud:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
         few = best_by_mdl([*dict.fromkeys(starts)], self._draws, self._noise, FITTED)
         return min((maximise_likelihood(p, self.quick, self._noise, REFIT, deadline) for p in few), key=self._length)
-
-    def _start(self, programs: Sequence[Program], deadline: Deadline) -> FittedProgram:
-        """The likeliest of several programs, with its numbers fitted."""
-        start = self._first(programs, deadline)
-        return start if deadline.has_passed() else _fit(start.program, self.quick, start.noise, deadline, BEGUN)
 
     def _length(self, likely: FittedProgram) -> float:
         return length_of(likely, self._count)

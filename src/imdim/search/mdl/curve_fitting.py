@@ -404,6 +404,8 @@ def _choose(total, ux, uy, price, sigma, most_turn, sagitta):  # pragma: no cove
         a, b, n = -uy / chord, ux / chord, total[0]
         left = a * a * (total[3] - n * x * x) + 2 * a * b * (total[4] - n * x * y) + b * b * (total[5] - n * y * y)
     cost = left / (2 * sigma * sigma) + 2 * price
+    if left / (2 * sigma * sigma) <= price:  # no circle, with a number more, is cheaper
+        return cost, 0.0, x, y, math.cos(angle), math.sin(angle)
     _, bent, cx, cy, radius = _carrier_of(total, 1)
     if bent < left and radius > sagitta * sigma and radius < 1e3 * (chord + sigma):
         # half the turn from the spread along the arc: what is more than a chord away is more than half a circle

@@ -58,7 +58,6 @@ STILL, FEW = 0.5, 0.1  # deviations of the noise, and share of its points, by wh
 MOST_SOURCES = 12  # new parts that copies are made of
 COPIES_S = 4.0  # that a first look at their places may take of the processor
 COPIED = 8  # changes with copies whose numbers get a first step
-VAIN = 2  # looks in a row at places of copies of which none was kept, after which there are no more
 MOST_USES = 2  # of one new part among the changes
 TWIN = 3.0  # deviations of the noise by which parts hardly differ whose numbers had their first step
 REFITTED = 4  # of them, whose numbers are fitted
@@ -221,16 +220,6 @@ def _lengths_of(loop: Loop) -> list[float]:
 
 
 @dataclass(frozen=True)
-class _Look:
-    """A look at the places of copies: how many seconds it `took`, the `first` term of what it offered, and whether any of that was `kept`, which the next
-    round tells."""
-
-    took: float
-    first: int
-    kept: bool | None = None
-
-
-@dataclass(frozen=True)
 class _Changes:
     """What a program of a `cloud` could become: its parts, the `candidates` and guesses along `axes`, judged by the points of `draws`,
     which stand for so many as `count`; `steps` that no single point shows are looked for or not, for `filling` a hole only what has
@@ -248,7 +237,7 @@ class _Changes:
     _known: _Guesses = field(default_factory=lambda: _Guesses([]))
     _drawn_anew: list[Primitive] = field(default_factory=list)
     _lined: list[tuple[Op, Primitive]] = field(default_factory=list)
-    _looks: list[_Look] = field(default_factory=list)
+    _took: list[float] = field(default_factory=list)
 
     def promising(self, found: _Trial) -> list[_Trial]:
         """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps."""
@@ -286,7 +275,7 @@ class _Changes:
         kept = itertools.islice(_few_of_each(_leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)
         # what is drawn anew may lie a little off everywhere: only fits tell its worth
         fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
-        copied = self._copied(best, steps, mixture, (moves, explained)) if self.copies and self._is_worth_copying(found) else []
+        copied = self._copied(best, steps, mixture, (moves, explained)) if self.copies and self._has_time_for_copies() else []
         return [*fitted, *copied, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
 
     def _copied(
@@ -304,7 +293,7 @@ class _Changes:
         places = CopyPlaces.of(best.program, self.cloud.points, self.axes, best.noise.sigma, PARALLEL_DEG)
         length, out, begun = mixture.lengths([start])[0], [], self.deadline.now()
         copied = Copying(mixture.scene, steps, places, self.deadline).find(sources, COPIED)
-        self._looks.append(_Look(self.deadline.now() - begun, len(mixture.parts)))
+        self._took.append(self.deadline.now() - begun)
         for number, found in enumerate(copied, len(mixture.parts)):
             if found.length < length + SLACK:
                 choice = put_in(start, number, found.op, found.at, found.gone)
@@ -313,13 +302,9 @@ class _Changes:
                 out.append(_Trial(replace(best, program=program), choice, parts, start))
         return out
 
-    def _is_worth_copying(self, found: _Trial) -> bool:
-        """Whether to look at all places of copies: where nothing came of the last looks they take the time of other changes. A look is not
-        cut short, and the first takes the longest."""
-        if self._looks and self._looks[-1].kept is None:
-            self._looks[-1] = replace(self._looks[-1], kept=any(step.term >= self._looks[-1].first for step in found.choice))
-        vain = len(self._looks) >= VAIN and not any(look.kept for look in self._looks[-VAIN:])
-        return not vain and self.deadline.left() > max((look.took for look in self._looks), default=COPIES_S)
+    def _has_time_for_copies(self) -> bool:
+        """Whether there is time for the look at all places of copies, which is not cut short: the first takes the longest."""
+        return self.deadline.left() > max(self._took, default=COPIES_S)
 
     def _new_sources(
         self, mixture: BatchedLikelihood, settled: int, moves: Sequence[Choice], explained: np.ndarray
