@@ -24,6 +24,7 @@ from imdim.program.outline import (
     is_in_loop,
     loop_area,
     loop_curves,
+    nesting,
     orient_loops,
     rectangle,
     reverse_loop,
@@ -310,3 +311,16 @@ def test_walls_on_one_circle_have_the_same_facets_whatever_drew_them():
     shaft = Primitive("cylinder", (radius, 8.0), (0.0, 0.0, 2.0))
     flat = Primitive("extrude", (8.0,), (0.0, 0.0, -2.0), outline=Outline((loop,)))
     assert census_of(to_manifold(combine_all("union", [shaft, flat]), 96)).kind == (1, 0, 0)
+
+
+def test_holes_in_the_bulge_of_an_arc_are_holes():
+    """Beyond all vertices, where only the arc reaches."""
+    round_end = ((0.0, 0.0, 0.0), (1.0, 0.0, 3.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0))
+    hole = ((2.0, 0.4, 0.0), (2.2, 0.4, 0.0), (2.2, 0.6, 0.0), (2.0, 0.6, 0.0))
+    beside = ((3.0, 0.4, 0.0), (3.2, 0.4, 0.0), (3.2, 0.6, 0.0), (3.0, 0.6, 0.0))
+    assert nesting((round_end, hole, beside)) == [1, -1, 1]
+
+
+def test_lines_that_fold_back_onto_their_neighbour_are_refused():
+    with pytest.raises(ValueError, match="loop 0 curve 0 crosses or touches loop 0 curve 1"):
+        check_crossings(Outline((((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (1.0, 1e-12, 0.0), (1.0, 1.0, 0.0)),)))
