@@ -7,6 +7,7 @@ import trimesh
 from tests.planted import PARTS, box, cut, cylinder, union
 
 from imdim.app.cli import main
+from imdim.export.hole_names import hole_features
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program import codec, front
@@ -70,6 +71,23 @@ def test_what_is_exported_has_names_to_edit(tmp_path):
     wider = cut(box(60, 40, 5, (0.0, 0.0, 2.5)), *(cylinder(4, 5, (x, 0.0, 2.5)) for x in (-20.0, 20.0)))
     assert same(read_openscad(text, {"hole_diameter": 8}), wider)
     assert json.loads((tmp_path / "out" / "program.json").read_text())["constraints"]
+
+
+@pytest.mark.usefixtures("without_step")
+def test_a_hole_that_was_changed_by_hand_in_the_list_is_refused_in_a_line(tmp_path, capsys):
+    source, out = tmp_path / "program.json", tmp_path / "out"
+    plate = cut(box(60, 40, 5, (0.0, 0.0, 2.5)), cylinder(3, 5, (0.0, 0.0, 2.5)))
+    document = json.loads(codec.dumps(plate, holes=hole_features(plate)))
+    assert [hole["diameter"] for hole in document["holes"]] == [6]
+    document["holes"][0]["diameter"] = 8
+    source.write_text(json.dumps(document))
+    assert main(["export", str(source), "-o", str(out)]) == 2
+    assert capsys.readouterr().err.startswith(f"imdim: {source}: $.holes[0] of program.json is not what its primitives make: change a hole")
+    assert not out.exists()
+    del document["holes"]
+    source.write_text(json.dumps(document))
+    assert main(["export", str(source), "-o", str(out)]) == 0
+    assert json.loads((out / "program.json").read_text())["holes"][0]["diameter"] == 6
 
 
 @pytest.mark.usefixtures("without_step")

@@ -18,7 +18,7 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
     Of a results folder it is front.json where there is something to `pick`, else program.json; its names are those of the texts beside it.
     """
     from imdim.delivery.deliver import export
-    from imdim.export.edit import missing_edges, open_delivered
+    from imdim.export.edit import check_holes, missing_edges, open_delivered
     from imdim.program import codec, front
     from imdim.program.tree import leaves, longest
     from imdim.target.target import LARGEST
@@ -42,6 +42,8 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
             program, meta, edges = codec.from_json(document), codec.meta_of(document), codec.edges_of(document)
             texts = read_texts(source)
             named = open_delivered(document, texts) if "program.scad" in texts else None
+            if named is None:
+                check_holes(document, program)
         largest = max(longest(leaves(program)), *(abs(c) for leaf in leaves(program) for c in leaf.center))
         if largest > LARGEST:
             raise ConfigError(f"{source}: a length or a place of {largest:.3g} is beyond {LARGEST:g}")

@@ -36,7 +36,7 @@ from imdim.program.codec import constraints_of, dumps, edges_of, from_json, hole
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.edges import EdgeFeature, EdgeNumber, describe_size, name_edges, with_sizes
 from imdim.program.ellipse import Ellipse
-from imdim.program.hole_codec import HoleFeature, find_stale
+from imdim.program.hole_codec import find_stale
 from imdim.program.node_codec import MAX_PRIMITIVES
 from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_ring
 from imdim.program.patterns.edit import recount_constraints, recount_edges, recount_repeats, refit_repeats
@@ -54,7 +54,7 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     """
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     folded = folded if any(repeats(folded)) else None
-    _check_holes(holes_of(document), program)
+    check_holes(document, program)
     edges = name_edges(edges_of(document))
     if "program.scad" not in texts:
         named = with_edge_sizes(parametrise(program, constraints, program, folded), edges)
@@ -71,11 +71,12 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     return delivered
 
 
-def _check_holes(written: Sequence[HoleFeature], program: Program) -> None:
-    """Raise EditError for holes that were changed by hand: they follow from the primitives."""
+def check_holes(document: object, program: Program) -> None:
+    """Raise EditError for holes of a program.json that were changed by hand: they follow from its primitives."""
+    written = holes_of(document)
     if written and (stale := find_stale(written, hole_features(program))) is not None:
         raise EditError(
-            f"$.holes[{stale}] of program.json is not what its primitives make: change a hole by the names that --list shows, "
+            f"$.holes[{stale}] of program.json is not what its primitives make: change a hole by the names that `imdim edit --list` shows, "
             "or take the list out where primitives were changed by hand, and it is written anew"
         )
 
