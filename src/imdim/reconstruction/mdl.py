@@ -49,6 +49,7 @@ SCANNED = 1000  # points of a scanned mesh
 COUNTED = 0.66  # of these
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
 BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are hardly told from one
+SKINS = 0.3  # of a program's surface on walls thinner than the noise, from which there may be less noise
 FALLEN = 0.85  # of the noise that was told is left where it was skins
 DRAW_SHARE = 0.35  # of the time, for what the points show before a search begins
 MOST_LINEAGES = 16  # searches that begin: more than there ever are
@@ -264,7 +265,7 @@ class _NoisyCloud:
         best = self._in_turn(going, deadline, slow)[0].best
         # the deviations of a real thing are no noise that the points could tell
         less = best.noise.sigma / BLURRED_SKINS
-        hidden = not self.trifle and may_hide_skins(best.program, self.quick, best.noise.sigma)
+        hidden = not self.trifle and (best.skin > SKINS or may_hide_skins(best.program, self.quick, best.noise.sigma))
         best, calmer = self._in_less_noise(best, offered, deadline) if hidden else (best, False)
         cloud = replace(self, sigma=less) if calmer else self
         if not self.trifle:
