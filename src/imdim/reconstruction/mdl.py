@@ -65,6 +65,7 @@ DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
+BEGUN = EMConfig(rounds=8)
 # walls that blur thin or thicken slowly, as the noise grows or falls
 CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)
 AHEAD = 2.0  # rounds like its last one that a search is given credit for
@@ -249,7 +250,7 @@ class _NoisyCloud:
         starts = [(self._first(some, deadline), offered) for some, offered in groups if some]
         has_drawings = [any(leaf.outline is not None for leaf in leaves(p)) for p in programs]
         apart = ([p for p, has in zip(programs, has_drawings, strict=True) if has == wanted] for wanted in (True, False))
-        starts.extend((self._first(some, deadline), candidates) for some in apart if some)
+        starts.extend((self._start(some, deadline), candidates) for some in apart if some)
         first = deadline.ahead(FIRST_SHARE * deadline.left())
         begun = sorted((self._lineage(s, offered, first) for s, offered in starts), key=lambda lineage: lineage.length)
         left = first.left()
@@ -410,6 +411,11 @@ class _NoisyCloud:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
         few = best_by_mdl([*dict.fromkeys(starts)], self._draws, self._noise, FITTED)
         return min((maximise_likelihood(p, self.quick, self._noise, REFIT, deadline) for p in few), key=self._length)
+
+    def _start(self, programs: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The likeliest of several programs, with its numbers fitted."""
+        start = self._first(programs, deadline)
+        return start if deadline.has_passed() else _fit(start.program, self.quick, start.noise, deadline, BEGUN)
 
     def _length(self, likely: FittedProgram) -> float:
         return length_of(likely, self._count)
