@@ -135,13 +135,15 @@ def test_what_detection_missed_is_seen_in_the_points():
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 
-def test_searches_start_from_one_part_of_each_kind_and_from_a_program_and_the_shortest_is_told(monkeypatch):
+@pytest.mark.parametrize(("hidden", "begun"), [(False, [1, 3, 3]), (True, [1, 3, 3, 3])])
+def test_searches_start_from_one_part_of_each_kind_and_from_a_program_and_the_shortest_is_told(hidden, begun, monkeypatch):
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
     starts = []
+    monkeypatch.setattr(mdl, "may_hide_skins", lambda *_: hidden)
     monkeypatch.setattr(mdl, "shorten", lambda likely, *_, **__: starts.append(likely.program) or iter(()))
     found = told([truth], cloud(truth), NEVER, anew=False)
-    # from the shortest with what the others found, and as if there was less noise
-    assert [count(p).primitives for p in starts] == [1, 3, 3, 3]
+    # from the shortest with what the others found, and as if there was less noise where it may hide skins
+    assert [count(p).primitives for p in starts] == begun
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
     starts.clear()
     told([truth], cloud(truth), NEVER, drawn=True, anew=False)
@@ -266,6 +268,7 @@ def test_as_many_searches_begin_as_have_time_for_rounds_like_the_second(round_s,
 @pytest.mark.parametrize(("most", "left_s", "left_out"), [(1, math.inf, True), (2, math.inf, False), (2, 5.0, True)])
 def test_a_policy_is_loaded_last_and_only_where_there_is_time_for_it_and_what_is_left_out_is_told(most, left_s, left_out, monkeypatch):
     truth, asked = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), []
+    monkeypatch.setattr(mdl, "may_hide_skins", lambda *_: True)
     monkeypatch.setattr(mdl, "shorten", lambda *_, **__: asked.append("search") or iter(()))
     monkeypatch.setattr(mdl, "_count_with_time", lambda *_: most)
     monkeypatch.setattr(mdl, "beam_programs", lambda *_: asked.append("beam") or [truth, box(40, 30, 8)])
