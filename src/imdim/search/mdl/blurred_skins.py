@@ -20,4 +20,4 @@ def may_hide_skins(program: Program, points: np.ndarray, sigma: float) -> bool:
     """Whether so few of `points` [n, 3] lie close to a program's surface as do where some of it is two skins in noise that is less than
     `sigma`."""
     off = np.abs(program_sdf(program, points)) / sigma
-    return np.count_nonzero(off < CLOSE) < BARE * np.count_nonzero((off >= CLOSE) & (off < BESIDE))
+    return bool(np.count_nonzero(off < CLOSE) < BARE * np.count_nonzero((off >= CLOSE) & (off < BESIDE)))
