@@ -36,7 +36,6 @@ SPREAD = 1e-6  # sine of the angle between two lines, from which rounding does n
 AT_END = 1e-4  # of the step between corners of a circle: one as near to an arc's end is that end
 PARTING = 5e-5  # of it, by which neighbours that are all but tangent may part before they meet again
 UPRIGHT = 1e-7  # of a unit normal, below which its x is none
-BOX_SLACK = 1e-9  # of a box, by which rounding may miss an arc
 LEAST_BULGE, MOST_BULGE = 1e-9, 1e9  # of an arc whose centre, or whose ends, can be told from its other numbers
 
 
@@ -290,29 +289,14 @@ def nesting(loops: Sequence[Loop]) -> list[int]:
     """1 for outer loops and islands, -1 for holes: by how many other loops hold a vertex."""
     if len(loops) == 1:
         return [1]
-    starts, boxes = [start_of(loop) for loop in loops], [_box_about(loop) for loop in loops]
-    depth = [0] * len(loops)
-    for other, (left, right, low, high) in zip(loops, boxes, strict=True):
+    starts, depth = [start_of(loop) for loop in loops], [0] * len(loops)
+    for other in loops:
+        (left, low), (right, high) = curve_bounds(loop_curves(other))
         for i, (x, y) in enumerate(starts):
             # few points lie in the box of another loop, and a box is soon asked
             if left <= x <= right and low <= y <= high and loops[i] is not other:
                 depth[i] += is_in_loop(other, x, y)
     return [1 if d % 2 == 0 else -1 for d in depth]
-
-
-def _box_about(loop: Loop) -> tuple[float, float, float, float]:
-    """The least and greatest x, and y, of a box that a loop lies in, which need not be the smallest: no point of an arc is farther from the
-    middle of its chord than half of that, or than it bulges."""
-    if isinstance(loop, Ellipse):
-        far = max(loop.rx, loop.ry)
-        return loop.x - far, loop.x + far, loop.y - far, loop.y + far
-    xs, ys = [x for x, _, _ in loop], [y for _, y, _ in loop]
-    for x, y, u, v, b in ring_curves(loop):
-        if b:
-            far = 0.5 * (1 + BOX_SLACK) * max(1.0, abs(b)) * math.dist((x, y), (u, v))
-            xs += [(x + u) / 2 - far, (x + u) / 2 + far]
-            ys += [(y + v) / 2 - far, (y + v) / 2 + far]
-    return min(xs), max(xs), min(ys), max(ys)
 
 
 def _signs(loops: Sequence[Loop]) -> list[int]:
