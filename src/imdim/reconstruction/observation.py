@@ -35,7 +35,7 @@ SAMPLES = 150_000  # labelled, spread over the cells
 NOISY_SAMPLES = 40_000  # of a cloud whose noise blurs it: its cells only begin the search for the likeliest program
 DOUBT = 8.0  # times the price of a feature in noise, whose samples are often on the wrong side of thin parts
 SHARPENED = 3  # times that edges of a cloud are sharpened: faces come out that were blends' neighbours
-BLUNT = 4e-3  # of the diagonal, the noise from which blends that are looked for cost more than they show: 14 of 67 come back at 0.3 %, 8 of 59 at 0.5 %
+BLUNT = 4e-3  # of the diagonal: the noise from which blends cost the search more than they show (benchmarks/results.md)
 LEAST_WALL = 3e-4  # of a body's surface, that a wall of an outline shows
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 
