@@ -7,6 +7,7 @@ Before that, ends that only just meet a face are let through it: a step would op
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -42,6 +43,8 @@ class EMConfig:
     calmer: float = 0.02  # share by which the noise must fall for a still round to be followed by another
     far: float = 3.0
     worse: float = 0.02  # nats per point above the best round at which the work ends
+    window: int = 5  # rounds that together must be better than as many before them: of single ones the samples leave that in doubt
+    better: float = 2e-4  # nats per point
     support: float = 12.0  # points that must show a direction of the numbers' space; it is held otherwise
     through: float = 6.0  # how far ends reach beyond what they meet; 0 leaves them
     samples: int = MOST_SAMPLES  # of the surface that show; where they are further apart than the noise is wide, ends of thin walls drift
@@ -78,17 +81,18 @@ def maximise_likelihood(
     ties = find_ties([*leaves(program)], numbers, member)
     # with what it is level with a ball goes round
     member[[i for i in ties.leaves if member[i] < 0]] = 0 if (member >= 0).any() else -1
-    best, seen = FittedProgram(program, noise, np.inf, 0), None
+    best, seen, told = FittedProgram(program, noise, np.inf, 0), None, list[float]()
     for done in range(config.rounds):
         trial = lift_numbers(program, start, numbers)
         shown = SurfaceSamples.of(trial, noise.sigma, config.samples, noise.shadows, seen)
         seen = shown.seen
         share = expectation_step(points, shown, noise)
+        told.append(share.nll)
         if share.nll < best.nll:
             hidden = tuple(shown.count_hidden_ends(numbers).tolist())
             best = FittedProgram(trial, noise, share.nll, done, shown.skin, hidden)
         # a step knows nothing of the area: an end that no point holds may drift out of the cloud
-        if not len(shown.points) or share.nll > best.nll + config.worse:
+        if not len(shown.points) or share.nll > best.nll + config.worse or _is_settled(told, config):
             break
         if deadline.has_passed():
             return _in_its_noise(best, points, share.noise, config.samples)
@@ -100,6 +104,14 @@ def maximise_likelihood(
         if longest < config.still * noise.sigma and not calmer:
             break
     return best
+
+
+def _is_settled(told: Sequence[float], config: EMConfig) -> bool:
+    """Whether the last rounds, with the negative log-densities that were `told`, are together hardly better than as many before them."""
+    window = config.window
+    if len(told) < 2 * window or len(told) % window:
+        return False
+    return sum(told[-window:]) > sum(told[-2 * window : -window]) - window * config.better
 
 
 def clip_program(program: Program, points: np.ndarray, margin: float) -> Program:

@@ -64,6 +64,8 @@ ASTRAY = (2.0, 8.0)  # deviations of the noise between which a point is explaine
 DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
+NUMBERS_SHARE = 0.85  # of the time in which numbers are fitted: the relations among them need the rest
+TOLD = 4  # rounds that tell whether ends are better let through
 QUICK = EMConfig()
 BEGUN = EMConfig(rounds=8)
 # walls that blur thin or thicken slowly, as the noise grows or falls
@@ -152,8 +154,9 @@ def settle_together(program: Program, points: np.ndarray, sigma: float, deadline
     """A program with the numbers that make `points` [n, 3] most likely, whose noise has the deviation `sigma`, and with the relations that
     they support: those between bodies that were found apart, too."""
     some = subsample(points, MOST_POINTS)
-    program, constraints = _hold_relations(_fit(program, some, Noise(sigma), deadline, CAREFUL), some, deadline)
-    return NoisyFit(program, constraints, deadline.has_passed())
+    numbers_by = deadline.ahead(NUMBERS_SHARE * deadline.left())
+    program, constraints = _hold_relations(_fit(program, some, Noise(sigma), numbers_by, CAREFUL), some, deadline)
+    return NoisyFit(program, constraints, numbers_by.has_passed())
 
 
 @dataclass(frozen=True)
@@ -215,8 +218,9 @@ class _NoisyCloud:
         cut = shown.cut or left_out or choose_by.has_passed()
         points = subsample(self.points, MOST_POINTS)
         shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
-        program, constraints = _hold_relations(_fit(shorter, points, best.noise, fit_by, CAREFUL), points, fit_by)
-        return NoisyFit(program, constraints, cut or fit_by.has_passed())
+        numbers_by = fit_by.ahead(NUMBERS_SHARE * fit_by.left())
+        program, constraints = _hold_relations(_fit(shorter, points, best.noise, numbers_by, CAREFUL), points, fit_by)
+        return NoisyFit(program, constraints, cut or numbers_by.has_passed())
 
     def _best_drawn(self, found: Sequence[Primitive]) -> list[Primitive]:
         """Without all but the MOST_DRAWN outlines that alone describe the points in the shortest way."""
@@ -459,9 +463,15 @@ def _count_with_time(left: float, round_s: float) -> int:
 
 
 def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline, config: EMConfig = QUICK) -> FittedProgram:
-    """The numbers that make the points most likely, with ends let through what they only just meet, unless that hides what they show."""
-    through, as_drawn = (maximise_likelihood(program, points, noise, c, deadline) for c in (config, replace(config, through=0.0)))
-    return through if through.nll < as_drawn.nll + SAME else as_drawn
+    """The numbers that make the points most likely, with ends let through what they only just meet, unless a few rounds tell that this
+    hides what they show."""
+    begun, drawn = replace(config, rounds=min(TOLD, config.rounds)), replace(config, through=0.0)
+    through, as_drawn = (maximise_likelihood(program, points, noise, c, deadline) for c in (begun, replace(begun, through=0.0)))
+    likely = through if through.nll < as_drawn.nll + SAME else as_drawn
+    if deadline.has_passed() or config.rounds <= TOLD:
+        return likely
+    further = maximise_likelihood(likely.program, points, likely.noise, drawn, deadline)
+    return further if further.nll < likely.nll else likely
 
 
 def _with_holes_apart(program: Program, sigma: float) -> Program | None:
