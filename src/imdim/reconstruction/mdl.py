@@ -256,7 +256,10 @@ class _NoisyCloud:
         apart = ([p for p, has in zip(programs, has_drawings, strict=True) if has == wanted] for wanted in (True, False))
         starts.extend((self._start(some, deadline), candidates) for some in apart if some)
         first = deadline.ahead(FIRST_SHARE * deadline.left())
-        begun = sorted((self._lineage(s, offered, first) for s, offered in starts), key=lambda lineage: lineage.length)
+        single, *others = (self._lineage(s, offered, first) for s, offered in starts)
+        begun = sorted([single, *others], key=lambda lineage: lineage.length)
+        # what grows from one part has the quickest rounds, and none of what is wrong with the others
+        begun = [begun[0], *(l for l in [single] if l is not begun[0]), *(l for l in begun[1:] if l is not single)]
         left = first.left()
         most = _count_with_time(left, begun[0].time_round(first))
         found = self._in_turn(begun[:most], first)
