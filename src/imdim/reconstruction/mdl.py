@@ -35,7 +35,7 @@ from imdim.search.mdl.candidates.shell_slot import compounds
 from imdim.search.mdl.description_length import PARALLEL_DEG, length_of
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
-from imdim.search.mdl.search import OWN, REFIT, best_by_mdl, shorten, tables_of_subsample
+from imdim.search.mdl.search import FEWER, FIRST, OWN, REFIT, best_by_mdl, shorten, tables_of_subsample
 from imdim.search.mdl.silhouettes import outlines
 from imdim.target.target import sample_surface
 
@@ -65,6 +65,7 @@ DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 NUMBERS_SHARE = 0.85  # of the time in which numbers are fitted: the relations among them need the rest
+HELD_S = 0.5
 TOLD = 4  # rounds that tell whether ends are better let through
 QUICK = EMConfig()
 BEGUN = EMConfig(rounds=8)
@@ -233,7 +234,7 @@ class _NoisyCloud:
         for part in found:
             if part.outline is None or deadline.has_passed():
                 continue
-            likely = maximise_likelihood(part, self.quick, self._noise, REFIT, deadline)
+            likely = maximise_likelihood(part, self.quick[::FEWER], self._noise, FIRST, deadline)
             near = np.abs(kernels.program_sdf(likely.program, self.quick)) < OWN * self.sigma
             if isinstance(likely.program, Primitive):
                 yield from retrace(likely.program, self.quick[near], self.sigma)
@@ -256,10 +257,7 @@ class _NoisyCloud:
         apart = ([p for p, has in zip(programs, has_drawings, strict=True) if has == wanted] for wanted in (True, False))
         starts.extend((self._start(some, deadline), candidates) for some in apart if some)
         first = deadline.ahead(FIRST_SHARE * deadline.left())
-        single, *others = (self._lineage(s, offered, first) for s, offered in starts)
-        begun = sorted([single, *others], key=lambda lineage: lineage.length)
-        # what grows from one part has the quickest rounds, and none of what is wrong with the others
-        begun = [begun[0], *(l for l in [single] if l is not begun[0]), *(l for l in begun[1:] if l is not single)]
+        begun = [self._lineage(s, offered, first) for s, offered in starts]
         left = first.left()
         most = _count_with_time(left, begun[0].time_round(first))
         found = self._in_turn(begun[:most], first)
@@ -532,11 +530,10 @@ def _move(program: Program, gone: list[Path], reach: float, deadline: Deadline) 
 
 
 def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadline) -> tuple[Program, tuple[Constraint, ...]]:
-    """With the relations that the points support made exact, unless that makes the points less likely than as many numbers are worth."""
-    if deadline.has_passed():
-        return likely.program, ()
+    """With the relations that the points support made exact, unless that makes the points less likely than as many numbers are worth. HELD_S
+    there are for that in any case: it is quick, and worth more than the search's last round, which may have ended late."""
     plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
-    found = discover(plain, points, deadline)
+    found = discover(plain, points, deadline.later(deadline.ahead(HELD_S)))
     # the best round of a fit is the best of its samples too: both are told by new ones
     together, apart = (negative_log_density(p, points, likely.noise, CAREFUL.samples) for p in (found.program, plain))
     held = np.linalg.matrix_rank(rows_of(found.constraints, lower(plain)).jacobian) if found.constraints else 0

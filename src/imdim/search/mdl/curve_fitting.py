@@ -183,13 +183,13 @@ def _sum_powers(places: np.ndarray, points: np.ndarray, own: np.ndarray) -> np.n
 
 def _fit_ring(places: np.ndarray, sums: np.ndarray, sigma: float, price: float, most_turn: float) -> list[Vertex]:
     """The vertices of a closed loop; a full circle where that is cheapest."""
+    ends, cost = _split(np.vstack([places, places[:1]]), sums, sigma, price, most_turn, SAGITTA)
     for _ in range(2):  # the first place is a corner by chance only: begin again at one that was found
-        ends, cost = _split(np.vstack([places, places[:1]]), sums, sigma, price, most_turn, SAGITTA)
         corner = int(ends[len(ends) // 2 - (len(ends) > 2)]) % len(places) if len(ends) > 1 else 0
         if corner == 0:
             break
         places, sums = np.roll(places, -corner, 0), np.roll(sums, -corner, 0)
-    ends, cost = _split(np.vstack([places, places[:1]]), sums, sigma, price, most_turn, SAGITTA)
+        ends, cost = _split(np.vstack([places, places[:1]]), sums, sigma, price, most_turn, SAGITTA)
     _, left, x, y, radius = _carrier_of(sums.sum(0), 1)
     if left / (2 * sigma**2) + 3 * price < cost and radius > LEAST * sigma / 2:
         return list(circle(radius, x, y))
