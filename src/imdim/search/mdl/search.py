@@ -60,6 +60,8 @@ COPIES_S = 4.0  # that a first look at their places may take of the processor
 COPIED = 8  # changes with copies whose numbers get a first step
 MOST_USES = 2  # of one new part among the changes
 TWIN = 3.0  # deviations of the noise by which parts hardly differ whose numbers had their first step
+BUSY = 0.25  # of the parts that were looked at
+PAIRED = 4  # steps of which an outline may take the place of two
 REFITTED = 4  # of them, whose numbers are fitted
 LONGEST = 40  # steps of a sequence
 SLACK = 0.05  # nats per point that a change may cost before its numbers are fitted
@@ -109,9 +111,10 @@ def shorten(
 
     start = _Trial(likely, (), (), ())
     stages = FittingStage(fit(points[::FEWER], FIRST, told), TRIED + copies * COPIED), FittingStage(fit(points, REFIT), REFITTED)
-    begin = start, lengths([start])[0]
-    for trial, length in improvements(begin, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
-        yield trial.likely, length
+    best = start, lengths([start])[0]
+    while changes.has_more_to_look_at() and not deadline.has_passed():
+        for best in improvements(best, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
+            yield best[0].likely, best[1]
 
 
 @dataclass(frozen=True)
@@ -238,16 +241,28 @@ class _Changes:
     _drawn_anew: list[Primitive] = field(default_factory=list)
     _lined: list[tuple[Op, Primitive]] = field(default_factory=list)
     _took: list[float] = field(default_factory=list)
+    _gained: dict[Program, float] = field(default_factory=dict)
+    _left_out: list[bool] = field(default_factory=lambda: [True])
+
+    def has_more_to_look_at(self) -> bool:
+        """Whether parts were left out of the last look at all, or there was none: the next look is at all of them."""
+        self._gained.clear()
+        return self._left_out[-1]
 
     def promising(self, found: _Trial) -> list[_Trial]:
-        """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps."""
+        """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps.
+
+        Parts that did little in the last look are left out of the next ones, until none of the others shortens it: of those that did, nearly
+        all were among the tenth that would have done best in the round before.
+        """
         best = found.likely
         steps = to_sequence(best.program, apart=True)
+        self._left_out.append(False)
         if len(steps) > LONGEST:
             return []
         spans, retraced = self._spans(best, steps), self._retraced(best, steps)
         offered = [*self._guesses(best, steps), *self.candidates]
-        offered = self._fillings(best, offered) if self.filling else offered
+        offered = self._without_idle(self._fillings(best, offered) if self.filling else offered)
         compound = [p for p in offered if isinstance(p, Combine)]
         others = [
             *distinct([p for p in offered if isinstance(p, Primitive)], self.cloud),
@@ -261,22 +276,38 @@ class _Changes:
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         begin = len(mixture.parts) - len(spans) - len(retraced)
         meet = [{*np.flatnonzero(row).tolist()} for row in self._meet(mixture)]
-        new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start, meet[i]))
         # a wall is no cut: what is left of it in its middle would stand alone
         walls = {i for i, part in enumerate(mixture.parts) if isinstance(part, Combine) and part.op == "difference"}
-        moves = [*own_moves(start), *(c for c in new if all(s.positive or s.term not in walls for s in c))]
-        drawn = [i for i in range(len(steps), begin) if isinstance(p := mixture.parts[i], Primitive) and p.outline is not None]
-        moves += [c for i in drawn for c in _in_place_of(itertools.permutations(sorted(meet[i]), 2), i, start)]
+        moves, firsts = [*own_moves(start)], list[int]()
+        for i in range(len(steps), len(mixture.parts)):
+            firsts.append(len(moves))
+            moves += (c for c in uses(i, start, meet[i]) if i not in walls or all(s.positive or s.term != i for s in c))
+        firsts.append(len(moves))
+        drawn = {i for i in range(len(steps), begin) if isinstance(p := mixture.parts[i], Primitive) and p.outline is not None}
         moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
         anew = [(*start[:at], Step(start[at].op, term), *start[at + 1 :]) for term, at in enumerate(retraced.values(), begin)]
         explained, numbers = mixture.explain([start, *moves])
         lengths = explained + numbers * scene.number
+        for part, first, last in zip(others, firsts, firsts[1:], strict=False):
+            self._gained[part] = float(lengths[0] - lengths[first + 1 : last + 1].min(initial=np.inf))
+        if pairs := list(_in_place_of_two(drawn, moves, lengths[1:], start)):
+            more, counts = mixture.explain([start, *pairs])
+            explained, lengths = np.append(explained, more[1:]), np.append(lengths, (more + counts * scene.number)[1:])
+            moves += pairs
         better = [moves[i - 1] for i in _shortest(lengths) if lengths[i] < lengths[0] + SLACK]
         kept = itertools.islice(_few_of_each(_leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)
         # what is drawn anew may lie a little off everywhere: only fits tell its worth
         fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
         copied = self._copied(best, steps, mixture, (moves, explained)) if self.copies and self._has_time_for_copies() else []
         return [*fitted, *copied, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
+
+    def _without_idle(self, parts: list[Program]) -> list[Program]:
+        """The parts that are new, would hardly have lengthened the description in the last look, or were among the BUSY share there."""
+        known = [self._gained[part] for part in parts if part in self._gained]
+        least = min(-SLACK, float(np.quantile(known, 1 - BUSY))) if known else -math.inf
+        busy = [part for part in parts if self._gained.get(part, math.inf) >= least]
+        self._left_out[-1] = len(busy) < len(parts)
+        return busy
 
     def _copied(
         self, best: FittedProgram, steps: SignedSequence[Program], mixture: BatchedLikelihood, moves: tuple[Sequence[Choice], np.ndarray]
@@ -443,6 +474,21 @@ def _leave_twins(choices: Iterable[Choice], parts: Sequence[Program], start: Cho
                 continue
             twins.append(part)
         yield choice
+
+
+def _in_place_of_two(drawn: set[int], moves: Sequence[Choice], lengths: np.ndarray, start: Choice) -> Iterator[Choice]:
+    """Each of the `drawn` terms in the place of two of those steps that it does best in the place of alone, by the `lengths` [m] of the
+    single `moves`: that of all pairs of a long sequence took most of a round."""
+    settled = {step.term for step in start}
+    alone: dict[int, list[tuple[float, int]]] = {}
+    for choice, length in zip(moves, lengths.tolist(), strict=True):
+        terms = {step.term for step in choice}
+        new, gone = terms - settled, settled - terms
+        if len(new) == len(gone) == 1 and new <= drawn:
+            alone.setdefault(new.pop(), []).append((length, gone.pop()))
+    for term, places in alone.items():
+        best = [place for _, place in sorted(places)[:PAIRED]]
+        yield from _in_place_of(itertools.permutations(sorted(best), 2), term, start)
 
 
 def _in_place_of(pairs: Iterable[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:
