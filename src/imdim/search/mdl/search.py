@@ -61,6 +61,7 @@ COPIED = 8  # changes with copies whose numbers get a first step
 MOST_USES = 2  # of one new part among the changes
 TWIN = 3.0  # deviations of the noise by which parts hardly differ whose numbers had their first step
 BUSY = 0.25  # of the parts that were looked at
+STEPPED = 4  # parts in two steps whose numbers get a first step in any case
 PAIRED = 4  # steps of which an outline may take the place of two
 REFITTED = 4  # of them, whose numbers are fitted
 LONGEST = 40  # steps of a sequence
@@ -110,7 +111,7 @@ def shorten(
         return [length_of(t.likely, stand_for or len(points)) for t in tried]
 
     start = _Trial(likely, (), (), ())
-    stages = FittingStage(fit(points[::FEWER], FIRST, told), TRIED + copies * COPIED), FittingStage(fit(points, REFIT), REFITTED)
+    stages = FittingStage(fit(points[::FEWER], FIRST, told), TRIED + STEPPED + copies * COPIED), FittingStage(fit(points, REFIT), REFITTED)
     best = start, lengths([start])[0]
     while changes.has_more_to_look_at() and not deadline.has_passed():
         for best in improvements(best, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
@@ -242,6 +243,7 @@ class _Changes:
     _lined: list[tuple[Op, Primitive]] = field(default_factory=list)
     _took: list[float] = field(default_factory=list)
     _gained: dict[Program, float] = field(default_factory=dict)
+    _stepped: set[Program] = field(default_factory=set)
     _left_out: list[bool] = field(default_factory=lambda: [True])
 
     def has_more_to_look_at(self) -> bool:
@@ -295,7 +297,12 @@ class _Changes:
             explained, lengths = np.append(explained, more[1:]), np.append(lengths, (more + counts * scene.number)[1:])
             moves += pairs
         better = [moves[i - 1] for i in _shortest(lengths) if lengths[i] < lengths[0] + SLACK]
-        kept = itertools.islice(_few_of_each(_leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)
+        kept = [*itertools.islice(_few_of_each(_leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)]
+        # how far sides lie apart is told too small by points that lie nearer to the other side
+        steps_at = [i for i, part in enumerate(mixture.parts) if i >= len(start) and part in self._stepped]
+        ranked = [moves[k - 1] for k in _shortest(lengths)]
+        in_steps = (next((c for c in ranked if len(c) == len(start) and any(s.term == i for s in c)), None) for i in steps_at)
+        kept += itertools.islice((c for c in in_steps if c is not None and c not in kept), STEPPED)
         # what is drawn anew may lie a little off everywhere: only fits tell its worth
         fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
         copied = self._copied(best, steps, mixture, (moves, explained)) if self.copies and self._has_time_for_copies() else []
@@ -436,7 +443,9 @@ class _Changes:
         cloud, out = self.cloud, list[Program]()
         out += [*trim(part, cloud.points[own]), *alternatives(cloud.points[own], self.axes, cloud), *_taper(part)]
         out += [*stadiums(part, sigma), *redraw(part), *blind_holes(part, cloud.points, sigma)]
-        out += stepped(part, cloud.points[own], sigma) if self.steps else ()
+        two = [*stepped(part, cloud.points[own], sigma)] if self.steps else []
+        self._stepped.update(two)
+        out += two
         if op == "difference":
             out += slots(part, cloud)
         if op == "union" and own.any():

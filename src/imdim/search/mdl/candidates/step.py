@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from imdim.geometry import kernels
+from imdim.geometry.lowering import Outlines
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.tree import FLAT_ENDS, Combine, Primitive, Program
+from imdim.program.tree import FLAT_ENDS, Combine, Primitive, Program, map_lengths
 from imdim.search.mdl.candidates.residual import resize
 
 NEAR = 4.0  # deviations of the noise, within which a point is of a side
@@ -31,15 +34,16 @@ class _Side(NamedTuple):
 
 
 def stepped(part: Primitive, points: np.ndarray, sigma: float) -> Iterator[Program]:
-    """The box or cylinder as two that meet across one of its axes, each as wide as the `points` [n, 3] beside it show; `sigma` is the
-    deviation of their noise. Where one is wider all around, the other goes on through it."""
-    if part.kind not in ("box", "cylinder") or len(points) < FEWEST:
+    """The box, cylinder or extrusion of one loop as two that meet across one of its axes, each as wide as the `points` [n, 3] beside it
+    show; `sigma` is the deviation of their noise. Where one is wider all around, the other goes on through it."""
+    drawn = part.kind == "extrude" and part.outline is not None and len(part.outline.loops) == 1
+    if not (drawn or part.kind in ("box", "cylinder")) or len(points) < FEWEST:
         return
     rotation = matrix_from_euler(part.rotation)
     local = (points - part.center) @ rotation
-    half = np.array(part.size if part.kind == "box" else (2 * part.size[0], 2 * part.size[0], part.size[1])) / 2
+    half = _half_sizes(part)
     for k, slot in FLAT_ENDS[part.kind].items():
-        sides = _box_sides(local, half, k, sigma) if part.kind == "box" else [_round_side(local, half, sigma)]
+        sides = _box_sides(local, half, k, sigma) if part.kind == "box" else [_round_side(part, local, half, sigma)]
         place = _find_step(sides, half[k], sigma, len(points))
         if place is None:
             continue
@@ -65,8 +69,19 @@ def _box_sides(local: np.ndarray, half: np.ndarray, k: int, sigma: float) -> lis
     return out
 
 
-def _round_side(local: np.ndarray, half: np.ndarray, sigma: float) -> _Side:
-    off = np.hypot(local[:, 0], local[:, 1]) - half[0]
+def _half_sizes(part: Primitive) -> np.ndarray:
+    if part.outline is not None:
+        low, high = part.outline.bounds
+        return np.array([(high[0] - low[0]) / 2, (high[1] - low[1]) / 2, part.size[0] / 2])
+    return np.array(part.size if part.kind == "box" else (2 * part.size[0], 2 * part.size[0], part.size[1])) / 2
+
+
+def _round_side(part: Primitive, local: np.ndarray, half: np.ndarray, sigma: float) -> _Side:
+    """The side all around a cylinder or an extrusion."""
+    if part.outline is not None:
+        off = kernels.outline_sdf(Outlines.pack([part.outline]).curves, np.ascontiguousarray(local[:, :2]))
+    else:
+        off = np.hypot(local[:, 0], local[:, 1]) - half[0]
     own = (np.abs(off) < NEAR * sigma) & (np.abs(local[:, 2]) < half[2] - CLEAR * sigma)
     return _Side(local[own, 2], off[own])
 
@@ -100,7 +115,15 @@ def _widened(
     k, slot = axis
     size, middle = np.array(part.size, float), np.zeros(3)
     size[slot], middle[k] = ends[1] - ends[0], sum(ends) / 2
-    if part.kind == "cylinder":
+    if part.outline is not None:
+        # about its middle: fits tell the rest
+        (low, high), share = part.outline.bounds, 1 + 2 * moves[0] / float(np.ptp(part.outline.bounds, axis=0).mean())
+        if share <= 0:
+            return None
+        moved = map_lengths(part, lambda length: length * share, part.center)
+        middle[:2] = (1 - share) * (np.array(low) + np.array(high)) / 2
+        part = replace(moved, size=(part.size[0], *part.size[1:]))
+    elif part.kind == "cylinder":
         size[0] += moves[0]
     else:
         for j, (low, high) in zip((j for j in range(3) if j != k), (moves[:2], moves[2:]), strict=True):
