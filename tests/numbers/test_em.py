@@ -11,6 +11,7 @@ from tests.planted import box, cut, cylinder, sphere, union
 from imdim.geometry import kernels
 from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import surface_points
+from imdim.numbers import em
 from imdim.numbers.em import EMConfig, clip_program, maximise_likelihood
 from imdim.numbers.likelihood import Noise
 from imdim.numbers.refine import refine
@@ -190,3 +191,16 @@ def test_no_step_makes_an_outline_cross_itself():
     (leaf,) = leaves(found.program)
     assert leaf.outline is not None
     check_crossings(leaf.outline)
+
+
+def test_a_fit_ends_where_further_rounds_win_nothing(monkeypatch):
+    """The samples leave each round's likelihood in doubt: that alone is no reason to go on."""
+    rounds = []
+    expectation_step = em.expectation_step
+    monkeypatch.setattr(em, "expectation_step", lambda *given: rounds.append(1) or expectation_step(*given))
+    points, patient = cloud(RING), EMConfig(rounds=60, still=0.0, samples=20_000)
+    found = maximise_likelihood(RING, points, Noise(1.3 * SIGMA), patient)
+    short = len(rounds)
+    further = maximise_likelihood(RING, points, Noise(1.3 * SIGMA), replace(patient, window=60))
+    assert 2 * patient.window <= short < 30 < len(rounds) - short
+    assert found.nll < further.nll + 1e-3

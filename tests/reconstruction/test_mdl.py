@@ -445,6 +445,17 @@ def test_relations_are_judged_by_the_samples_that_judge_the_fit_without_them():
     likely = mdl.maximise_likelihood(apart, points, Noise(0.15))
     for flattered in (likely, replace(likely, nll=likely.nll - 0.01)):
         assert "coaxial" in [c.kind for c in mdl._hold_relations(flattered, points, NEVER)[1]]
+    # the search's last round may have ended late
+    late = Deadline(0.0, lambda: 1.0)
+    assert "coaxial" in [c.kind for c in mdl._hold_relations(likely, points, late)[1]]
+
+
+def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypatch):
+    now = Deadline(20.0, lambda: 5.0)
+    for solid_s, left in ((0.01, 15.0), (0.3, 15.0 - (mdl.SOLIDS * 0.3 - mdl.ALLOWED_S)), (3.0, 0.0)):
+        monkeypatch.setattr(mdl, "time_solid", lambda _, clock, took=solid_s: took)
+        assert mdl._leave_time_to_deliver(box(1, 1, 1), now).left() == pytest.approx(left)
+    assert mdl._leave_time_to_deliver(box(1, 1, 1), NEVER).left() == math.inf
 
 
 def test_copies_that_hardly_differ_become_alike_where_that_is_shorter():

@@ -152,6 +152,17 @@ def test_savings_are_the_logarithm_of_a_bayes_factor():
     assert choice.covariance[0, 0] == pytest.approx(deviation**2 / 2)
 
 
+@pytest.mark.parametrize("spread", [0.0, -1e-18], ids=["exact", "less by rounding"])
+def test_of_what_is_known_without_doubt_nothing_is_saved(spread):
+    """A covariance from which all is taken is nothing, or less by rounding: no logarithm of it, and no root."""
+    parts = [Primitive("cylinder", (1.0, 4.0)), Primitive("cylinder", (1.0, 4.0), (5.0, 0.0, 0.0))]
+    numbers = lower(combine_all("union", parts))
+    choice = RelationSelection(numbers, spread * np.eye(18), prior(numbers, 8.0))
+    for relation in (Constraint("equal", (Ref(0, "r"), Ref(1, "r"))), Constraint("parallel", (Ref(0), Ref(1)))):
+        judged = choice.judge(RelationCandidate(relation, 5.0))
+        assert (judged.saving, judged.rank) == (0.0, 0)
+
+
 def test_held_numbers_meet_their_constraints_and_the_cloud():
     rng = np.random.default_rng(5)
     _, noisy = cloud_of(PLATE_WITH_HOLES, 4000, 0.004, rng)

@@ -16,6 +16,7 @@ from imdim.geometry.axes import clearest_axes, find_shared_axes, main_axes
 from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import subsample
 from imdim.geometry.shadows import Shadows
+from imdim.geometry.solid import time_solid
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise, SurfaceSamples, negative_log_density
 from imdim.numbers.symmetry_normal_form import canonical
@@ -65,7 +66,8 @@ DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 NUMBERS_SHARE = 0.85  # of the time in which numbers are fitted: the relations among them need the rest
-HELD_S = 0.5
+SOLIDS, ALLOWED_S = 40.0, 3.0  # solids that delivery makes, and seconds for them that are allowed for
+HELD_S = 0.5  # that there are for relations in any case
 TOLD = 4  # rounds that tell whether ends are better let through
 QUICK = EMConfig()
 BEGUN = EMConfig(rounds=8)
@@ -241,9 +243,9 @@ class _NoisyCloud:
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
         """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
-        kind, and from the best of `programs` with and without drawings. What grows from one part is quick and stays short; of `programs`,
-        which are long, the best is known at least where time is out. What the others found is offered to the best. Also whether there was
-        no time for some of them.
+        kind, and from the best of `programs` with and without drawings, as far as there is time for them in this order. What grows from
+        one part is quick and stays short; `programs` are long, and what is wrong in them is hard to get out. What the others found is
+        offered to the best. Also whether there was no time for some of them.
         """
         if deadline.has_passed() or not candidates:
             return self._first(programs, deadline), deadline.has_passed()
@@ -276,6 +278,7 @@ class _NoisyCloud:
         cloud = replace(self, sigma=less) if calmer else self
         if not self.trifle:
             best = cloud._copy(best, offered, deadline)
+        deadline = _leave_time_to_deliver(best.program, deadline)
         best = cloud._rebuild_and_shorten(best, offered, deadline) if self.anew else best
         left_out = most < len(begun) or (self.policy is not None and not has_time_for_beam(deadline))
         asked = cloud._ask(best, offered, deadline)
@@ -459,8 +462,13 @@ class _Lineage:
 
 
 def _count_with_time(left: float, round_s: float) -> int:
-    """How many searches have time for ROUNDS_EACH that take so long; two in any case, since what starts the shortest may win little."""
+    """How many searches have time for ROUNDS_EACH that take so long; two in any case, since what grows from one part may come to little."""
     return max(2, int(min(left / (ROUNDS_EACH * max(round_s, 1e-9)), MOST_LINEAGES)))
+
+
+def _leave_time_to_deliver(program: Program, deadline: Deadline) -> Deadline:
+    """The deadline, earlier by what delivering a program takes whose solid is slow to make: all else is allowed for."""
+    return deadline.ahead(deadline.left() - max(SOLIDS * time_solid(program, deadline.now) - ALLOWED_S, 0.0))
 
 
 def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline, config: EMConfig = QUICK) -> FittedProgram:
@@ -530,8 +538,8 @@ def _move(program: Program, gone: list[Path], reach: float, deadline: Deadline) 
 
 
 def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadline) -> tuple[Program, tuple[Constraint, ...]]:
-    """With the relations that the points support made exact, unless that makes the points less likely than as many numbers are worth. HELD_S
-    there are for that in any case: it is quick, and worth more than the search's last round, which may have ended late."""
+    """With the relations that the points support made exact, unless that makes the points less likely than as many numbers are worth. It is
+    quick, and worth more than the search's last round, which may have ended late: for HELD_S it goes on past the deadline."""
     plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
     found = discover(plain, points, deadline.later(deadline.ahead(HELD_S)))
     # the best round of a fit is the best of its samples too: both are told by new ones

@@ -88,8 +88,11 @@ class RelationSelection:
         jacobian, residual = combine.T @ jacobian, combine.T @ residual
         fit = jacobian @ self._block(columns) @ jacobian.T
         wide = (jacobian * self.width[columns]) @ jacobian.T
+        sign, volume = np.linalg.slogdet(fit)
+        if sign <= 0:  # but for rounding, nothing of it is open
+            return Judgement(0.0, 0)
         z2 = float(residual @ np.linalg.solve(fit, residual))
-        volume = (np.linalg.slogdet(wide)[1] - np.linalg.slogdet(fit)[1]) / 2
+        volume = (np.linalg.slogdet(wide)[1] - volume) / 2
         saving = (volume - z2 / 2) / math.log(2) - candidate.bits
         return Judgement(saving, combine.shape[1])
 
@@ -99,6 +102,8 @@ class RelationSelection:
         if 1 - float(along @ along) / float(row @ row) <= self.spanned:
             return Judgement(0.0, 0)
         fit, wide = float(row @ self._block(columns) @ row), float(row * row @ self.width[columns])
+        if fit <= 0:  # as there
+            return Judgement(0.0, 0)
         z2 = residual**2 / fit
         return Judgement((math.log(wide / fit) - z2) / 2 / math.log(2) - bits, 1)
 

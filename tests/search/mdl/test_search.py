@@ -346,3 +346,43 @@ def test_an_outline_takes_the_place_of_a_part_and_the_cut_that_rounds_it():
     found = settled(begun, cloud(bar, n=3000), lent=[bar]).program
     assert isinstance(found, Primitive)
     assert volume_iou(to_manifold(found), to_manifold(bar)) > 0.99
+
+
+def test_a_flange_is_found_that_the_quick_score_thinks_little_of():
+    """By points that lie nearer to the other side it seems too narrow: only fits tell its worth."""
+    truth = cut(union(box(34, 56, 1.6, (0.0, 0.0, 0.8)), box(31.6, 53.6, 8, (0.0, 0.0, 4.0))), box(28, 50, 12, (0.0, 0.0, 4.0)))
+    points = cloud(truth, sigma=0.5)
+    start = maximise_likelihood(cut(box(32, 54, 8, (0.0, 0.0, 4.0)), box(28, 50, 12, (0.0, 0.0, 4.0))), points, Noise(0.7))
+    found = next(shorten(start, points, [], np.eye(3), NEVER))[0].program
+    heights = sorted(leaf.size[2] for leaf in leaves(found) if leaf.kind == "box")
+    assert heights[0] == pytest.approx(1.6, abs=0.5)
+    assert volume_iou(to_manifold(found), to_manifold(truth)) > volume_iou(to_manifold(start.program), to_manifold(truth)) + 0.02
+
+
+def test_idle_parts_are_looked_at_again_where_no_other_helps(monkeypatch):
+    """The first look is at all of them, later ones at those that did something, and the last at all again."""
+    far = [box(4, 4, 4, (x, y, 0.0)) for x in (-15.0, -5.0, 5.0, 15.0) for y in (-10.0, 0.0, 10.0)]
+    offered = [box(30, 4, 20, (0.0, 0.0, 8.0)), cylinder(3, 40, (-12.0, 0.0, 0.0)), cylinder(7, 16, (5.0, 2.0, 8.0)), *far]
+    seen = []
+    of = BatchedLikelihood.of
+    monkeypatch.setattr(
+        search.BatchedLikelihood, "of", staticmethod(lambda scene, own, others: seen.append(set(others)) or of(scene, own, others))
+    )
+    points = cloud(PART)
+    start = maximise_likelihood(box(40, 30, 6), points, Noise(0.5))
+    assert volume_iou(to_manifold(shortest(start, points, offered).program), to_manifold(PART)) > 0.95
+    counts = [len(parts & set(offered)) for parts in seen]
+    assert counts[0] == counts[-1] == len(offered) > min(counts)
+
+
+def test_an_outline_takes_the_place_of_those_two_that_it_does_best_in_the_place_of():
+    drawn = Primitive("extrude", (6.0,), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), Outline((ellipse(9.0, 7.0, 0.0, 0.0, 0.0),)))
+    start = tuple(Step("union", i) for i in range(6))
+    moves = [tuple(Step("union", 6 if i == gone else i) for i in range(6)) for gone in range(6)]
+    lengths = np.array([0.0, 5.0, 1.0, 2.0, 6.0, 3.0, 4.0])
+    parts = [*(sphere(1.0) for _ in range(6)), drawn]
+    pairs = [*search._in_place_of_two(6, parts, moves, range(6), lengths, start)]
+    gone = {frozenset(range(6)) - {step.term for step in pair} for pair in pairs}
+    assert len(pairs) == search.PAIRED * (search.PAIRED - 1)
+    assert frozenset().union(*gone) == {1, 2, 4, 5}
+    assert not [*search._in_place_of_two(5, parts, moves, range(6), lengths, start)]  # no outline

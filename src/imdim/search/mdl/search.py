@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -114,8 +114,9 @@ def shorten(
     stages = FittingStage(fit(points[::FEWER], FIRST, told), TRIED + STEPPED + copies * COPIED), FittingStage(fit(points, REFIT), REFITTED)
     best = start, lengths([start])[0]
     while changes.has_more_to_look_at() and not deadline.has_passed():
-        for best in improvements(best, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
-            yield best[0].likely, best[1]
+        for trial, length in improvements(best, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
+            best = trial, length
+            yield trial.likely, length
 
 
 @dataclass(frozen=True)
@@ -254,8 +255,8 @@ class _Changes:
     def promising(self, found: _Trial) -> list[_Trial]:
         """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps.
 
-        Parts that did little in the last look are left out of the next ones, until none of the others shortens it: of those that did, nearly
-        all were among the tenth that would have done best in the round before.
+        Parts that did little in the last look are left out of the next ones, until none of the others shortens it: what does was nearly
+        always among the tenth that would have done best in the round before.
         """
         best = found.likely
         steps = to_sequence(best.program, apart=True)
@@ -278,31 +279,21 @@ class _Changes:
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         begin = len(mixture.parts) - len(spans) - len(retraced)
         meet = [{*np.flatnonzero(row).tolist()} for row in self._meet(mixture)]
-        # a wall is no cut: what is left of it in its middle would stand alone
-        walls = {i for i, part in enumerate(mixture.parts) if isinstance(part, Combine) and part.op == "difference"}
-        moves, firsts = [*own_moves(start)], list[int]()
-        for i in range(len(steps), len(mixture.parts)):
-            firsts.append(len(moves))
-            moves += (c for c in uses(i, start, meet[i]) if i not in walls or all(s.positive or s.term != i for s in c))
-        firsts.append(len(moves))
-        drawn = {i for i in range(len(steps), begin) if isinstance(p := mixture.parts[i], Primitive) and p.outline is not None}
+        moves, own = _single_moves(mixture, start, meet)
         moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
         anew = [(*start[:at], Step(start[at].op, term), *start[at + 1 :]) for term, at in enumerate(retraced.values(), begin)]
         explained, numbers = mixture.explain([start, *moves])
         lengths = explained + numbers * scene.number
-        for part, first, last in zip(others, firsts, firsts[1:], strict=False):
-            self._gained[part] = float(lengths[0] - lengths[first + 1 : last + 1].min(initial=np.inf))
-        if pairs := list(_in_place_of_two(drawn, moves, lengths[1:], start)):
+        self._note_gains(mixture.parts, own, lengths)
+        if pairs := [c for term in own if term < begin for c in _in_place_of_two(term, mixture.parts, moves, own[term], lengths, start)]:
             more, counts = mixture.explain([start, *pairs])
             explained, lengths = np.append(explained, more[1:]), np.append(lengths, (more + counts * scene.number)[1:])
             moves += pairs
         better = [moves[i - 1] for i in _shortest(lengths) if lengths[i] < lengths[0] + SLACK]
         kept = [*itertools.islice(_few_of_each(_leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)]
         # how far sides lie apart is told too small by points that lie nearer to the other side
-        steps_at = [i for i, part in enumerate(mixture.parts) if i >= len(start) and part in self._stepped]
-        ranked = [moves[k - 1] for k in _shortest(lengths)]
-        in_steps = (next((c for c in ranked if len(c) == len(start) and any(s.term == i for s in c)), None) for i in steps_at)
-        kept += itertools.islice((c for c in in_steps if c is not None and c not in kept), STEPPED)
+        in_steps = (_best_in_place(moves, own[term], lengths, start) for term in own if mixture.parts[term] in self._stepped)
+        kept += itertools.islice((choice for choice in in_steps if choice is not None and choice not in kept), STEPPED)
         # what is drawn anew may lie a little off everywhere: only fits tell its worth
         fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
         copied = self._copied(best, steps, mixture, (moves, explained)) if self.copies and self._has_time_for_copies() else []
@@ -315,6 +306,11 @@ class _Changes:
         busy = [part for part in parts if self._gained.get(part, math.inf) >= least]
         self._left_out[-1] = len(busy) < len(parts)
         return busy
+
+    def _note_gains(self, parts: Sequence[Program], own: Mapping[int, range], lengths: np.ndarray) -> None:
+        """Note by how much each part shortens the description at best, by the `lengths` of the start and of all moves."""
+        for term, its in own.items():
+            self._gained[parts[term]] = float(lengths[0] - lengths[its.start + 1 : its.stop + 1].min(initial=np.inf))
 
     def _copied(
         self, best: FittedProgram, steps: SignedSequence[Program], mixture: BatchedLikelihood, moves: tuple[Sequence[Choice], np.ndarray]
@@ -485,19 +481,37 @@ def _leave_twins(choices: Iterable[Choice], parts: Sequence[Program], start: Cho
         yield choice
 
 
-def _in_place_of_two(drawn: set[int], moves: Sequence[Choice], lengths: np.ndarray, start: Choice) -> Iterator[Choice]:
-    """Each of the `drawn` terms in the place of two of those steps that it does best in the place of alone, by the `lengths` [m] of the
-    single `moves`: that of all pairs of a long sequence took most of a round."""
-    settled = {step.term for step in start}
-    alone: dict[int, list[tuple[float, int]]] = {}
-    for choice, length in zip(moves, lengths.tolist(), strict=True):
-        terms = {step.term for step in choice}
-        new, gone = terms - settled, settled - terms
-        if len(new) == len(gone) == 1 and new <= drawn:
-            alone.setdefault(new.pop(), []).append((length, gone.pop()))
-    for term, places in alone.items():
-        best = [place for _, place in sorted(places)[:PAIRED]]
-        yield from _in_place_of(itertools.permutations(sorted(best), 2), term, start)
+def _single_moves(mixture: BatchedLikelihood, start: Choice, meet: Sequence[set[int]]) -> tuple[list[Choice], dict[int, range]]:
+    """Changes of the `start` alone and by one part more, in the place of those that it is there to `meet` or beside them; and where among
+    them those by each part are."""
+    parts = mixture.parts
+    # a wall is no cut: what is left of it in its middle would stand alone
+    walls = {i for i, part in enumerate(parts) if isinstance(part, Combine) and part.op == "difference"}
+    moves, own = [*own_moves(start)], dict[int, range]()
+    for i in range(len(start), len(parts)):
+        first = len(moves)
+        moves += (c for c in uses(i, start, meet[i]) if i not in walls or all(s.positive or s.term != i for s in c))
+        own[i] = range(first, len(moves))
+    return moves, own
+
+
+def _best_in_place(moves: Sequence[Choice], own: range, lengths: np.ndarray, start: Choice) -> Choice | None:
+    """The one of a part's `own` moves in which it does best in the place of another, by the `lengths` of the start and of the moves."""
+    in_place = [k for k in own if len(moves[k]) == len(start)]
+    return moves[min(in_place, key=lambda k: lengths[k + 1])] if in_place else None
+
+
+def _in_place_of_two(
+    term: int, parts: Sequence[Program], moves: Sequence[Choice], own: range, lengths: np.ndarray, start: Choice
+) -> Iterator[Choice]:
+    """An outline in the place of two of those steps in the place of which it does best alone, by the `lengths` of the start and of the
+    moves: to look at all pairs of a long sequence took most of a round."""
+    part = parts[term]
+    if not isinstance(part, Primitive) or part.outline is None:
+        return
+    in_place = sorted((k for k in own if len(moves[k]) == len(start)), key=lambda k: lengths[k + 1])
+    places = sorted(next(at for at, step in enumerate(moves[k]) if step.term == term) for k in in_place[:PAIRED])
+    yield from _in_place_of(itertools.permutations(places, 2), term, start)
 
 
 def _in_place_of(pairs: Iterable[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:
