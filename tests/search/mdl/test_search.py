@@ -22,8 +22,9 @@ from imdim.search.mdl import part_tables, search
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.description_length import FEATURE, SKIN, description_length, length_of, numbers
 from imdim.search.mdl.local_search import own_moves, uses
+from imdim.search.mdl.moves import PAIRED, few_of_each, in_place_of, in_place_of_two, is_near, leave_twins, order_by_length
 from imdim.search.mdl.part_tables import PartTableCache, count_ends
-from imdim.search.mdl.search import _few_of_each, _in_place_of, _is_near, _leave_twins, _shortest, best_by_mdl, shorten
+from imdim.search.mdl.search import best_by_mdl, shorten
 from imdim.search.mdl.silhouettes import outlines
 
 PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
@@ -93,7 +94,7 @@ def test_every_change_has_the_length_of_its_whole_sequence():
     ]
     mixture = BatchedLikelihood.of(scene_of(points), [p for _, p in steps], others)
     start = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
-    new = [c for i in range(len(steps), len(mixture.parts)) for c in (*uses(i, start), *_in_place_of([(0, 2), (3, 1)], i, start))]
+    new = [c for i in range(len(steps), len(mixture.parts)) for c in (*uses(i, start), *in_place_of([(0, 2), (3, 1)], i, start))]
     choices = [start, *own_moves(start), *new, start[::2]]
     assert len(choices) > 50
     assert mixture.lengths(choices) == pytest.approx([slow_length(mixture, c) for c in choices], rel=2e-5)  # a sample lies on an edge
@@ -150,14 +151,14 @@ def test_what_is_cut_away_wholly_is_infinitely_long():
 
 def test_orders_of_one_solid_are_looked_at_once():
     lengths = np.array([1.0, 3.0, 1.0, 0.5, np.inf, 0.5 + 1e-12, 1.2])  # of the start, then of its changes
-    assert _shortest(lengths).tolist() == [3, 6, 1, 4]
+    assert order_by_length(lengths).tolist() == [3, 6, 1, 4]
 
 
 def test_no_new_part_takes_all_the_places_of_a_round():
     used = [(Step("union", 0), Step(op, term)) for op, term in (("union", 2), ("difference", 2), ("difference", 3))]
     beside = (Step("difference", 2), Step("union", 0))
     turned = [(Step("union", 0), Step("difference", 1)), (Step("union", 1), Step("difference", 0)), (Step("union", 1),)]
-    assert [*_few_of_each([used[0], turned[0], used[1], beside, turned[1], used[2], turned[2]], 2)] == [
+    assert [*few_of_each([used[0], turned[0], used[1], beside, turned[1], used[2], turned[2]], 2)] == [
         used[0],
         turned[0],
         used[1],
@@ -246,7 +247,7 @@ def test_two_short_cuts_become_one_that_goes_through():
 def test_one_part_takes_the_place_of_two_but_no_cut_comes_first():
     start = tuple(Step(op, i) for i, op in enumerate(("union", "difference", "union", "difference")))
     pairs = [(1, 3), (3, 1), (0, 2), (2, 0)]
-    assert [[step.term for step in choice] for choice in _in_place_of(pairs, 9, start)] == [[0, 9, 2], [0, 2, 9], [9, 1, 3]]
+    assert [[step.term for step in choice] for choice in in_place_of(pairs, 9, start)] == [[0, 9, 2], [0, 2, 9], [9, 1, 3]]
 
 
 def test_what_several_changes_win_is_won_in_one_round():
@@ -296,15 +297,15 @@ def test_parts_are_near_where_all_that_they_are_drawn_by_is():
 
     square = ((-9.0, -9.0, 0.0), (9.0, -9.0, 0.0), (9.0, 9.0, 0.0), (-9.0, 9.0, 0.0))
     bent = (*square[:3], (-9.0, 9.0, 0.2))
-    assert _is_near(drawn(square), drawn(tuple((x + 0.1, y, b) for x, y, b in square)), 0.2)
-    assert not _is_near(drawn(square), drawn(bent), 0.2)
-    assert not _is_near(drawn(square), drawn(square, ellipse(4.0, 3.0)), 0.2)
-    assert _is_near(drawn(ellipse(16.0, 10.0)), drawn(ellipse(16.1, 10.0)), 0.2)
-    assert not _is_near(drawn(ellipse(16.0, 10.0)), drawn(ellipse(12.0, 10.0)), 0.2)
-    assert not _is_near(drawn(ellipse(16.0, 10.0)), drawn(ellipse(16.0, 9.0)), 0.2)
-    assert _is_near(cylinder(4, 20), cylinder(4.1, 20), 0.2)
-    assert not _is_near(cylinder(4, 20), box(4, 20, 4), 0.2)
-    assert not _is_near(Primitive("box", (9.0, 9.0, 40.0)), Primitive("box", (9.0, 9.0, 40.0), rotation=(0.0, 3.0, 0.0)), 0.2)
+    assert is_near(drawn(square), drawn(tuple((x + 0.1, y, b) for x, y, b in square)), 0.2)
+    assert not is_near(drawn(square), drawn(bent), 0.2)
+    assert not is_near(drawn(square), drawn(square, ellipse(4.0, 3.0)), 0.2)
+    assert is_near(drawn(ellipse(16.0, 10.0)), drawn(ellipse(16.1, 10.0)), 0.2)
+    assert not is_near(drawn(ellipse(16.0, 10.0)), drawn(ellipse(12.0, 10.0)), 0.2)
+    assert not is_near(drawn(ellipse(16.0, 10.0)), drawn(ellipse(16.0, 9.0)), 0.2)
+    assert is_near(cylinder(4, 20), cylinder(4.1, 20), 0.2)
+    assert not is_near(cylinder(4, 20), box(4, 20, 4), 0.2)
+    assert not is_near(Primitive("box", (9.0, 9.0, 40.0)), Primitive("box", (9.0, 9.0, 40.0), rotation=(0.0, 3.0, 0.0)), 0.2)
 
 
 def test_what_a_part_would_be_exchanged_for_is_another_part():
@@ -318,7 +319,7 @@ def test_what_a_part_would_be_exchanged_for_is_another_part():
     parts, start = [plate, bore, nearly, other, alike], (Step("union", 0), Step("difference", 1))
 
     def left(*choices):
-        return [*_leave_twins(choices, parts, start, 0.4)]
+        return [*leave_twins(choices, parts, start, 0.4)]
 
     instead = [(start[0], Step("difference", i)) for i in (2, 3, 4)]
     assert left(*instead) == instead[1:2]
@@ -381,8 +382,8 @@ def test_an_outline_takes_the_place_of_those_two_that_it_does_best_in_the_place_
     moves = [tuple(Step("union", 6 if i == gone else i) for i in range(6)) for gone in range(6)]
     lengths = np.array([0.0, 5.0, 1.0, 2.0, 6.0, 3.0, 4.0])
     parts = [*(sphere(1.0) for _ in range(6)), drawn]
-    pairs = [*search._in_place_of_two(6, parts, moves, range(6), lengths, start)]
+    pairs = [*in_place_of_two(6, parts, moves, range(6), lengths, start)]
     gone = {frozenset(range(6)) - {step.term for step in pair} for pair in pairs}
-    assert len(pairs) == search.PAIRED * (search.PAIRED - 1)
+    assert len(pairs) == PAIRED * (PAIRED - 1)
     assert frozenset().union(*gone) == {1, 2, 4, 5}
-    assert not [*search._in_place_of_two(5, parts, moves, range(6), lengths, start)]  # no outline
+    assert not [*in_place_of_two(5, parts, moves, range(6), lengths, start)]  # no outline

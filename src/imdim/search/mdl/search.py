@@ -11,25 +11,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
-from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import subsample
 from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise
 from imdim.numbers.ties import have_same_shape
 from imdim.program.cost import count
-from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, ring_curves
 from imdim.program.paths import leaf_paths, without
-from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
 from imdim.program.tree import Combine, Op, Primitive, Program, leaves, map_leaves
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
@@ -43,7 +38,18 @@ from imdim.search.mdl.candidates.span import prolong, slots, span
 from imdim.search.mdl.candidates.step import stepped
 from imdim.search.mdl.copying import Copying, CopySource, put_in
 from imdim.search.mdl.description_length import PARALLEL_DEG, count_told, length_of
-from imdim.search.mdl.local_search import Choice, FittingStage, improvements, merge, own_moves, uses
+from imdim.search.mdl.local_search import Choice, FittingStage, improvements, merge
+from imdim.search.mdl.moves import (
+    TWIN,
+    best_in_place,
+    few_of_each,
+    in_place_of,
+    in_place_of_two,
+    is_near,
+    leave_twins,
+    order_by_length,
+    single_moves,
+)
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 
@@ -58,11 +64,8 @@ STILL, FEW = 0.5, 0.1  # deviations of the noise, and share of its points, by wh
 MOST_SOURCES = 12  # new parts that copies are made of
 COPIES_S = 4.0  # that a first look at their places may take of the processor
 COPIED = 8  # changes with copies whose numbers get a first step
-MOST_USES = 2  # of one new part among the changes
-TWIN = 3.0  # deviations of the noise by which parts hardly differ whose numbers had their first step
 BUSY = 0.25  # of the parts that were looked at
 STEPPED = 4  # parts in two steps whose numbers get a first step in any case
-PAIRED = 4  # steps of which an outline may take the place of two
 REFITTED = 4  # of them, whose numbers are fitted
 LONGEST = 40  # steps of a sequence
 SLACK = 0.05  # nats per point that a change may cost before its numbers are fitted
@@ -156,7 +159,7 @@ def _are_alike(one: _Trial, other: _Trial) -> bool:
     (op, part), (did, twin) = mine[0], its[0]
     if op != did or not isinstance(part, Primitive) or not isinstance(twin, Primitive):
         return False
-    return _is_near(part, twin, TWIN * one.likely.noise.sigma)
+    return is_near(part, twin, TWIN * one.likely.noise.sigma)
 
 
 def _limit(noise: Noise, most: float) -> Noise:
@@ -190,7 +193,7 @@ class _Guesses:
     def recall(self, part: Primitive, op: Op, count: int, sigma: float) -> list[Program]:
         """What was guessed from a part like this one, empty where there was none."""
         alike = (
-            out for old, did, had, out in self.made if did == op and abs(had - count) <= FEW * count and _is_near(old, part, STILL * sigma)
+            out for old, did, had, out in self.made if did == op and abs(had - count) <= FEW * count and is_near(old, part, STILL * sigma)
         )
         return next(alike, [])
 
@@ -198,30 +201,6 @@ class _Guesses:
         """The guesses, which are now known."""
         self.made.append((part, op, count, guesses))
         return guesses
-
-
-def _is_near(a: Primitive, b: Primitive, reach: float) -> bool:
-    """Whether the numbers of two parts of one kind differ by no more than `reach`, and their directions by no more than moves an end so
-    far."""
-    if a.kind != b.kind or not np.allclose((*a.size, *a.center), (*b.size, *b.center), rtol=0.0, atol=reach):
-        return False
-    turned = np.abs(matrix_from_euler(a.rotation) - matrix_from_euler(b.rotation)).max() * bounding_radius(b)
-    if turned > reach or a.outline is None or b.outline is None:
-        return bool(turned <= reach)
-    mine, its = a.outline.loops, b.outline.loops
-    if [(type(loop), len(loop)) for loop in mine] != [(type(loop), len(loop)) for loop in its]:
-        return False
-    return all(np.allclose(_lengths_of(one), _lengths_of(other), rtol=0.0, atol=reach) for one, other in zip(mine, its, strict=True))
-
-
-def _lengths_of(loop: Loop) -> list[float]:
-    """What says where a loop runs, in units of length: corners and by how much arcs leave their chords, or the middle of an ellipse and the
-    ends of its first axis, and the second one."""
-    if isinstance(loop, Ellipse):
-        along = (loop.rx * np.array(loop.along)).tolist()
-        return [loop.x, loop.y, *along, loop.ry]
-    corners = [number for x, y, _ in loop for number in (x, y)]
-    return corners + [b * math.dist((x, y), (u, v)) / 2 for x, y, u, v, b in ring_curves(loop)]
 
 
 @dataclass(frozen=True)
@@ -279,20 +258,20 @@ class _Changes:
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         begin = len(mixture.parts) - len(spans) - len(retraced)
         meet = [{*np.flatnonzero(row).tolist()} for row in self._meet(mixture)]
-        moves, own = _single_moves(mixture, start, meet)
-        moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
+        moves, own = single_moves(mixture, start, meet)
+        moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in in_place_of(spans[part], at, start)]
         anew = [(*start[:at], Step(start[at].op, term), *start[at + 1 :]) for term, at in enumerate(retraced.values(), begin)]
         explained, numbers = mixture.explain([start, *moves])
         lengths = explained + numbers * scene.number
         self._note_gains(mixture.parts, own, lengths)
-        if pairs := [c for term in own if term < begin for c in _in_place_of_two(term, mixture.parts, moves, own[term], lengths, start)]:
+        if pairs := [c for term in own if term < begin for c in in_place_of_two(term, mixture.parts, moves, own[term], lengths, start)]:
             more, counts = mixture.explain([start, *pairs])
             explained, lengths = np.append(explained, more[1:]), np.append(lengths, (more + counts * scene.number)[1:])
             moves += pairs
-        better = [moves[i - 1] for i in _shortest(lengths) if lengths[i] < lengths[0] + SLACK]
-        kept = [*itertools.islice(_few_of_each(_leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)]
+        better = [moves[i - 1] for i in order_by_length(lengths) if lengths[i] < lengths[0] + SLACK]
+        kept = [*itertools.islice(few_of_each(leave_twins(better, mixture.parts, start, best.noise.sigma), len(start)), TRIED)]
         # how far sides lie apart is told too small by points that lie nearer to the other side
-        in_steps = (_best_in_place(moves, own[term], lengths, start) for term in own if mixture.parts[term] in self._stepped)
+        in_steps = (best_in_place(moves, own[term], lengths, start) for term in own if mixture.parts[term] in self._stepped)
         kept += itertools.islice((choice for choice in in_steps if choice is not None and choice not in kept), STEPPED)
         # what is drawn anew may lie a little off everywhere: only fits tell its worth
         fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
@@ -350,7 +329,7 @@ class _Changes:
             place = next((i for i, step in enumerate(choice) if step.term >= settled), None)
             if place is None or not isinstance(part := mixture.parts[choice[place].term], Primitive):
                 continue
-            if any(_is_near(part, old, self.cloud.noise) for old in twins):
+            if any(is_near(part, old, self.cloud.noise) for old in twins):
                 continue
             twins.append(part)
             at = choice[place + 1].term if place + 1 < len(choice) else settled
@@ -359,7 +338,7 @@ class _Changes:
 
     def _is_new(self, part: Primitive, op: Op) -> bool:
         """Whether rows of a part like this were not looked for; they are from now on."""
-        if any(op == did and _is_near(part, old, self.cloud.noise) for did, old in self._lined):
+        if any(op == did and is_near(part, old, self.cloud.noise) for did, old in self._lined):
             return False
         self._lined.append((op, part))
         return True
@@ -408,7 +387,7 @@ class _Changes:
         moved since it was tried."""
         points, sigma = self.cloud.points, best.noise.sigma
         outlines = [(i, part) for i, (_, part) in enumerate(steps) if isinstance(part, Primitive) and part.outline is not None]
-        drawn = [(i, part) for i, part in outlines if not any(_is_near(part, old, STILL * sigma) for old in self._drawn_anew)]
+        drawn = [(i, part) for i, part in outlines if not any(is_near(part, old, STILL * sigma) for old in self._drawn_anew)]
         if not drawn:
             return {}
         self._drawn_anew.extend(part for _, part in drawn)
@@ -449,91 +428,11 @@ class _Changes:
         return out
 
 
-def _few_of_each(choices: Iterable[Choice], settled: int) -> Iterator[Choice]:
-    """The choices without those whose new part, of an index from `settled` on, MOST_USES before them have: what else is missing elsewhere
-    can be won in the same round."""
-    used = Counter[int]()
-    for choice in choices:
-        new = [step.term for step in choice if step.term >= settled]
-        if all(used[term] < MOST_USES for term in new):
-            used.update(new)
-            yield choice
-
-
-def _leave_twins(choices: Iterable[Choice], parts: Sequence[Program], start: Choice, sigma: float) -> Iterator[Choice]:
-    """The choices without those that put a part in the place of one that it hardly differs from, and without those that do what one before
-    them did with a part that hardly differs: their numbers would be fitted to the same end."""
-    settled = {step.term: step for step in start}
-    kept: dict[tuple[Op, frozenset[int], int], list[Primitive]] = {}
-    for choice in choices:
-        new = [(at, step) for at, step in enumerate(choice) if step.term not in settled]
-        gone = settled.keys() - {step.term for step in choice}
-        part = parts[new[0][1].term] if len(new) == 1 and len(gone) < 2 else None
-        if isinstance(part, Primitive):
-            (at, (op, _)) = new[0]
-            old = [parts[term] for term in gone if settled[term].op == op]
-            twins = kept.setdefault((op, frozenset(gone), at), [])
-            if any(isinstance(p, Primitive) and _is_near(part, p, TWIN * sigma) for p in old) or any(
-                _is_near(part, p, sigma) for p in twins
-            ):
-                continue
-            twins.append(part)
-        yield choice
-
-
-def _single_moves(mixture: BatchedLikelihood, start: Choice, meet: Sequence[set[int]]) -> tuple[list[Choice], dict[int, range]]:
-    """Changes of the `start` alone and by one part more, in the place of those that it is there to `meet` or beside them; and where among
-    them those by each part are."""
-    parts = mixture.parts
-    # a wall is no cut: what is left of it in its middle would stand alone
-    walls = {i for i, part in enumerate(parts) if isinstance(part, Combine) and part.op == "difference"}
-    moves, own = [*own_moves(start)], dict[int, range]()
-    for i in range(len(start), len(parts)):
-        first = len(moves)
-        moves += (c for c in uses(i, start, meet[i]) if i not in walls or all(s.positive or s.term != i for s in c))
-        own[i] = range(first, len(moves))
-    return moves, own
-
-
-def _best_in_place(moves: Sequence[Choice], own: range, lengths: np.ndarray, start: Choice) -> Choice | None:
-    """The one of a part's `own` moves in which it does best in the place of another, by the `lengths` of the start and of the moves."""
-    in_place = [k for k in own if len(moves[k]) == len(start)]
-    return moves[min(in_place, key=lambda k: lengths[k + 1])] if in_place else None
-
-
-def _in_place_of_two(
-    term: int, parts: Sequence[Program], moves: Sequence[Choice], own: range, lengths: np.ndarray, start: Choice
-) -> Iterator[Choice]:
-    """An outline in the place of two of those steps in the place of which it does best alone, by the `lengths` of the start and of the
-    moves: to look at all pairs of a long sequence took most of a round."""
-    part = parts[term]
-    if not isinstance(part, Primitive) or part.outline is None:
-        return
-    in_place = sorted((k for k in own if len(moves[k]) == len(start)), key=lambda k: lengths[k + 1])
-    places = sorted(next(at for at, step in enumerate(moves[k]) if step.term == term) for k in in_place[:PAIRED])
-    yield from _in_place_of(itertools.permutations(places, 2), term, start)
-
-
-def _in_place_of(pairs: Iterable[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:
-    """The term in the place of the first of two steps, without the second, unless a cut would come first."""
-    for i, j in pairs:
-        choice = tuple(Step(op, term if at == i else old) for at, (op, old) in enumerate(start) if at != j)
-        if choice[0].positive:
-            yield choice
-
-
 def _hollow(part: Primitive, value: np.ndarray, cloud: Cloud, sigma: float) -> list[Program]:
     """The part's cavities, and walls about its skin where the distances `value` [m] of its points from it are more than noise."""
     half = float(np.sqrt(max(np.mean(value**2) - sigma**2, 0.0)))
     walls = shells(part, 2 * half, cloud, sigma) if half > BLURRED * sigma else ()
     return [*walls, *hollows(part, float(np.median(np.abs(value))), cloud)]
-
-
-def _shortest(lengths: np.ndarray) -> np.ndarray:
-    """Indices from the shortest to the longest, of those that come to the same the first, and none of those that come to what the first
-    of all does: in another order the same solid comes about."""
-    first = np.unique(np.round(lengths, 9), return_index=True)[1]
-    return first[first > 0]
 
 
 def _taper(part: Primitive) -> Iterator[Primitive]:
