@@ -452,10 +452,24 @@ def test_relations_are_judged_by_the_samples_that_judge_the_fit_without_them():
 
 def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypatch):
     now = Deadline(20.0, lambda: 5.0)
-    for solid_s, left in ((0.01, 15.0), (0.3, 15.0 - (mdl.SOLIDS * 0.3 - mdl.ALLOWED_S)), (3.0, 0.0)):
+    for solid_s, left in ((0.01, 15.0), (0.3, 15.0 - (mdl.SOLIDS * 0.3 + mdl.NAMED_S - mdl.ALLOWED_S)), (3.0, 0.0)):
         monkeypatch.setattr(mdl, "time_solid", lambda _, clock, took=solid_s: took)
         assert mdl._leave_time_to_deliver(box(1, 1, 1), now).left() == pytest.approx(left)
     assert mdl._leave_time_to_deliver(box(1, 1, 1), NEVER).left() == math.inf
+
+
+def test_a_search_that_time_has_cut_leaves_nothing_spare():
+    """Two cuts that do one work, each almost in the other, are no longer told after it."""
+    truth = cut(box(40, 30, 20), cylinder(6, 30))
+    doubled = cut(cut(cut(box(40, 30, 20), cylinder(6.0, 24)), cylinder(5.9, 30)), cylinder(4, 26))
+    points = cloud(truth)
+    noisy = mdl._NoisyCloud.of(points, 0.3, np.eye(3), drawn=False)
+    likely = mdl.maximise_likelihood(doubled, noisy.quick, Noise(0.3), mdl.REFIT)
+    assert count(noisy._without_spare(likely, NEVER).program).primitives == 2
+    assert noisy._without_spare(likely, PASSED) is likely
+    for program in (truth, box(40, 30, 20)):
+        plain = mdl.maximise_likelihood(program, noisy.quick, Noise(0.3), mdl.REFIT)
+        assert noisy._without_spare(plain, NEVER) is plain
 
 
 def test_copies_that_hardly_differ_become_alike_where_that_is_shorter():

@@ -66,7 +66,10 @@ DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 NUMBERS_SHARE = 0.85  # of the time in which numbers are fitted: the relations among them need the rest
-SOLIDS, ALLOWED_S = 40.0, 3.0  # solids that delivery makes, and seconds for them that are allowed for
+SOLIDS, NAMED_S = 40.0, 0.1  # solids that delivery makes, and seconds that it takes for each leaf
+ALLOWED_S = 3.0  # of these that are allowed for
+SPARE_SHARE = 0.5  # of the time in which numbers are fitted, for leaves that are not worth theirs
+KEPT = 3  # leaves in a row that are worth their numbers, by how little they seem to be, after which the others are
 HELD_S = 0.5  # that there are for relations in any case
 TOLD = 4  # rounds that tell whether ends are better let through
 QUICK = EMConfig()
@@ -220,6 +223,7 @@ class _NoisyCloud:
         best, left_out = self._search(programs, candidates, choose_by)
         cut = shown.cut or left_out or choose_by.has_passed()
         points = subsample(self.points, MOST_POINTS)
+        best = best if self.trifle else self._without_spare(best, fit_by.ahead(SPARE_SHARE * fit_by.left()))
         shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
         numbers_by = fit_by.ahead(NUMBERS_SHARE * fit_by.left())
         program, constraints = _hold_relations(_fit(shorter, points, best.noise, numbers_by, CAREFUL), points, fit_by)
@@ -263,6 +267,7 @@ class _NoisyCloud:
         left = first.left()
         most = _count_with_time(left, begun[0].time_round(first))
         found = self._in_turn(begun[:most], first)
+        deadline = _leave_time_to_deliver(found[0].best.program, deadline)
         offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
         # where time has cut them, the longer of two may become the shorter yet
         copies = not self.trifle
@@ -271,6 +276,7 @@ class _NoisyCloud:
         going = [replace(h, rounds=self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
         going += [self._begin_with_copies(start, offered, deadline) for h in heirs if copies and (start := self._apart(h.best, deadline))]
         best = self._in_turn(going, deadline, slow)[0].best
+        deadline = _leave_time_to_deliver(best.program, deadline)
         # the deviations of a real thing are no noise that the points could tell
         less = best.noise.sigma / BLURRED_SKINS
         hidden = not self.trifle and (best.skin > SKINS or may_hide_skins(best.program, self.quick, best.noise.sigma))
@@ -278,11 +284,28 @@ class _NoisyCloud:
         cloud = replace(self, sigma=less) if calmer else self
         if not self.trifle:
             best = cloud._copy(best, offered, deadline)
-        deadline = _leave_time_to_deliver(best.program, deadline)
         best = cloud._rebuild_and_shorten(best, offered, deadline) if self.anew else best
         left_out = most < len(begun) or (self.policy is not None and not has_time_for_beam(deadline))
         asked = cloud._ask(best, offered, deadline)
         return (cloud._rebuild_and_shorten(asked, offered, deadline) if self.anew and asked is not best else asked), left_out
+
+    def _without_spare(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
+        """The best without the leaves that are not worth their numbers, those first that seem worth the least: a search that time has cut
+        leaves some where others do their work."""
+        without_one = {less: i for i, (path, _) in enumerate(leaf_paths(best.program)) if (less := without(best.program, [path]))}
+        stay, kept = [*range(sum(1 for _ in leaves(best.program)))], 0
+        least = best_by_mdl([*without_one], self._draws, best.noise, len(without_one)) if without_one else []
+        for less in least:
+            if deadline.has_passed() or kept == KEPT:
+                break
+            paths = [path for path, _ in leaf_paths(best.program)]
+            program = without(best.program, [paths[stay.index(without_one[less])]])
+            fitted = maximise_likelihood(program, self.quick, best.noise, REFIT, deadline) if program else best
+            kept += 1
+            if self._length(fitted) < self._length(best):
+                best, kept = fitted, 0
+                stay.remove(without_one[less])
+        return best
 
     def _in_less_noise(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
         """What the search comes to from the best if there is less noise than it tells, where that is shorter, and whether there is.
@@ -467,8 +490,9 @@ def _count_with_time(left: float, round_s: float) -> int:
 
 
 def _leave_time_to_deliver(program: Program, deadline: Deadline) -> Deadline:
-    """The deadline, earlier by what delivering a program takes whose solid is slow to make: all else is allowed for."""
-    return deadline.ahead(deadline.left() - max(SOLIDS * time_solid(program, deadline.now) - ALLOWED_S, 0.0))
+    """The deadline, earlier by what delivering a program takes that is long or whose solid is slow to make: all else is allowed for."""
+    takes_s = SOLIDS * time_solid(program, deadline.now) + NAMED_S * sum(1 for _ in leaves(program))
+    return replace(deadline, at=deadline.at - max(takes_s - ALLOWED_S, 0.0))
 
 
 def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline, config: EMConfig = QUICK) -> FittedProgram:

@@ -281,7 +281,7 @@ class _Changes:
     def _without_idle(self, parts: list[Program]) -> list[Program]:
         """The parts that are new, would hardly have lengthened the description in the last look, or were among the BUSY share there."""
         known = [self._gained[part] for part in parts if part in self._gained]
-        least = min(-SLACK, float(np.quantile(known, 1 - BUSY))) if known else -math.inf
+        least = min(-SLACK, float(np.quantile(known, 1 - BUSY, method="lower"))) if known else -math.inf
         busy = [part for part in parts if self._gained.get(part, math.inf) >= least]
         self._left_out[-1] = len(busy) < len(parts)
         return busy

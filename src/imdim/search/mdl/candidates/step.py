@@ -21,6 +21,7 @@ from imdim.search.mdl.candidates.residual import resize
 
 NEAR = 4.0  # deviations of the noise, within which a point is of a side
 CLEAR = 0.5  # deviations of the noise from the ends of a part and the edges of its sides, where other faces have their points
+ENDS = 1.0  # the same from the ends of a round part, which its side meets all around
 PLACES = 24  # along a part where a step may be
 FEWEST = 20  # points of both sides of a step
 WORTH = 3.0  # times what the numbers of a step cost: less is not worth a look
@@ -82,7 +83,7 @@ def _round_side(part: Primitive, local: np.ndarray, half: np.ndarray, sigma: flo
         off = kernels.outline_sdf(Outlines.pack([part.outline]).curves, np.ascontiguousarray(local[:, :2]))
     else:
         off = np.hypot(local[:, 0], local[:, 1]) - half[0]
-    own = (np.abs(off) < NEAR * sigma) & (np.abs(local[:, 2]) < half[2] - CLEAR * sigma)
+    own = (np.abs(off) < NEAR * sigma) & (np.abs(local[:, 2]) < half[2] - ENDS * sigma)
     return _Side(local[own, 2], off[own])
 
 
