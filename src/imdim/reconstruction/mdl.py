@@ -69,6 +69,7 @@ NUMBERS_SHARE = 0.85  # of the time in which numbers are fitted: the relations a
 SOLIDS, NAMED_S = 40.0, 0.1  # solids that delivery makes, and seconds that it takes for each leaf
 ALLOWED_S = 3.0  # of these that are allowed for
 SPARE_SHARE = 0.5  # of the time in which numbers are fitted, for leaves that are not worth theirs
+SPARE = 5e-4  # nats per point that a leaf is worth at least: the samples leave more in doubt
 KEPT = 3  # leaves in a row that are worth their numbers, by how little they seem to be, after which the others are
 HELD_S = 0.5  # that there are for relations in any case
 TOLD = 4  # rounds that tell whether ends are better let through
@@ -302,7 +303,7 @@ class _NoisyCloud:
             program = without(best.program, [paths[stay.index(without_one[less])]])
             fitted = maximise_likelihood(program, self.quick, best.noise, REFIT, deadline) if program else best
             kept += 1
-            if self._length(fitted) < self._length(best):
+            if fitted is not best and self._length(fitted) < self._length(best) + SPARE:
                 best, kept = fitted, 0
                 stay.remove(without_one[less])
         return best
