@@ -158,7 +158,7 @@ def test_of_what_is_known_without_doubt_nothing_is_saved(spread):
     parts = [Primitive("cylinder", (1.0, 4.0)), Primitive("cylinder", (1.0, 4.0), (5.0, 0.0, 0.0))]
     numbers = lower(combine_all("union", parts))
     choice = RelationSelection(numbers, spread * np.eye(18), prior(numbers, 8.0))
-    for relation in (Constraint("equal", (Ref(0, "r"), Ref(1, "r"))), Constraint("parallel", (Ref(0), Ref(1)))):
+    for relation in (Constraint("equal", (Ref(0, "r"), Ref(1, "r"))), Constraint("parallel", (Ref(0, "z"), Ref(1, "z")))):
         judged = choice.judge(RelationCandidate(relation, 5.0))
         assert (judged.saving, judged.rank) == (0.0, 0)
 
