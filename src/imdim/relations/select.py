@@ -88,11 +88,11 @@ class RelationSelection:
         jacobian, residual = combine.T @ jacobian, combine.T @ residual
         fit = jacobian @ self._block(columns) @ jacobian.T
         wide = (jacobian * self.width[columns]) @ jacobian.T
-        sign, volume = np.linalg.slogdet(fit)
-        if sign <= 0:  # but for rounding, nothing of it is open
+        spreads = np.linalg.eigvalsh(fit)
+        if spreads[0] <= 0:  # but for rounding, nothing of it is open
             return Judgement(0.0, 0)
         z2 = float(residual @ np.linalg.solve(fit, residual))
-        volume = (np.linalg.slogdet(wide)[1] - volume) / 2
+        volume = (np.linalg.slogdet(wide)[1] - np.log(spreads).sum()) / 2
         saving = (volume - z2 / 2) / math.log(2) - candidate.bits
         return Judgement(saving, combine.shape[1])
 
