@@ -452,7 +452,7 @@ def test_relations_are_judged_by_the_samples_that_judge_the_fit_without_them():
 
 def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypatch):
     now = Deadline(20.0, lambda: 5.0)
-    for solid_s, left in ((0.01, 15.0), (0.3, 15.0 - (mdl.SOLIDS * 0.3 + mdl.NAMED_S - mdl.ALLOWED_S)), (3.0, 0.0)):
+    for solid_s, left in ((0.01, 15.0), (0.3, 15.0 - (mdl.SOLIDS * 0.3 + mdl.LEAF_S - mdl.ALLOWED_S)), (3.0, 0.0)):
         monkeypatch.setattr(mdl, "time_solid", lambda _, clock, took=solid_s: took)
         assert mdl._leave_time_to_deliver(box(1, 1, 1), now).left() == pytest.approx(left)
     assert mdl._leave_time_to_deliver(box(1, 1, 1), NEVER).left() == math.inf

@@ -66,7 +66,7 @@ DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 NUMBERS_SHARE = 0.85  # of the time in which numbers are fitted: the relations among them need the rest
-SOLIDS, NAMED_S = 40.0, 0.1  # solids that delivery makes, and seconds that it takes for each leaf
+SOLIDS, LEAF_S = 40.0, 0.1  # solids that delivery makes, and seconds that it takes for each leaf
 ALLOWED_S = 3.0  # of these that are allowed for
 SPARE_SHARE = 0.5  # of the time in which numbers are fitted, for leaves that are not worth theirs
 SPARE = 5e-4  # nats per point that a leaf is worth at least: the samples leave more in doubt
@@ -268,7 +268,7 @@ class _NoisyCloud:
         left = first.left()
         most = _count_with_time(left, begun[0].time_round(first))
         found = self._in_turn(begun[:most], first)
-        deadline = _leave_time_to_deliver(found[0].best.program, deadline)
+        end, deadline = deadline, _leave_time_to_deliver(found[0].best.program, deadline)
         offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
         # where time has cut them, the longer of two may become the shorter yet
         copies = not self.trifle
@@ -277,7 +277,7 @@ class _NoisyCloud:
         going = [replace(h, rounds=self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
         going += [self._begin_with_copies(start, offered, deadline) for h in heirs if copies and (start := self._apart(h.best, deadline))]
         best = self._in_turn(going, deadline, slow)[0].best
-        deadline = _leave_time_to_deliver(best.program, deadline)
+        deadline = _leave_time_to_deliver(best.program, end)
         # the deviations of a real thing are no noise that the points could tell
         less = best.noise.sigma / BLURRED_SKINS
         hidden = not self.trifle and (best.skin > SKINS or may_hide_skins(best.program, self.quick, best.noise.sigma))
@@ -492,7 +492,7 @@ def _count_with_time(left: float, round_s: float) -> int:
 
 def _leave_time_to_deliver(program: Program, deadline: Deadline) -> Deadline:
     """The deadline, earlier by what delivering a program takes that is long or whose solid is slow to make: all else is allowed for."""
-    takes_s = SOLIDS * time_solid(program, deadline.now) + NAMED_S * sum(1 for _ in leaves(program))
+    takes_s = SOLIDS * time_solid(program, deadline.now) + LEAF_S * sum(1 for _ in leaves(program))
     return replace(deadline, at=deadline.at - max(takes_s - ALLOWED_S, 0.0))
 
 

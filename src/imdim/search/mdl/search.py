@@ -64,7 +64,8 @@ STILL, FEW = 0.5, 0.1  # deviations of the noise, and share of its points, by wh
 MOST_SOURCES = 12  # new parts that copies are made of
 COPIES_S = 4.0  # that a first look at their places may take of the processor
 COPIED = 8  # changes with copies whose numbers get a first step
-BUSY = 0.25  # of the parts that were looked at
+# of the parts that were looked at: of seven that won a later round six were in the best tenth of the one before, one in the best fifth
+BUSY = 0.25
 STEPPED = 4  # parts in two steps whose numbers get a first step in any case
 REFITTED = 4  # of them, whose numbers are fitted
 LONGEST = 40  # steps of a sequence
@@ -203,6 +204,28 @@ class _Guesses:
         return guesses
 
 
+@dataclass
+class _Look:
+    """The last look at what a program could become: by how much each part had `gained` at best, and whether it `is_partial`, without those
+    that had done little; before the first one none was looked at."""
+
+    gained: dict[Program, float] = field(default_factory=dict)
+    is_partial: bool = True
+
+    def leave_idle(self, parts: list[Program]) -> list[Program]:
+        """The parts that are new, would hardly have lengthened the description before, or were among the BUSY share of those known."""
+        known = [self.gained[part] for part in parts if part in self.gained]
+        least = min(-SLACK, float(np.quantile(known, 1 - BUSY, method="lower"))) if known else -math.inf
+        busy = [part for part in parts if self.gained.get(part, math.inf) >= least]
+        self.is_partial = len(busy) < len(parts)
+        return busy
+
+    def note_gains(self, parts: Sequence[Program], own: Mapping[int, range], lengths: np.ndarray) -> None:
+        """Note by how much each part shortens the description at best in its `own` moves, by the `lengths` of start and moves."""
+        for term, its in own.items():
+            self.gained[parts[term]] = float(lengths[0] - lengths[its.start + 1 : its.stop + 1].min(initial=np.inf))
+
+
 @dataclass(frozen=True)
 class _Changes:
     """What a program of a `cloud` could become: its parts, the `candidates` and guesses along `axes`, judged by the points of `draws`,
@@ -222,29 +245,27 @@ class _Changes:
     _drawn_anew: list[Primitive] = field(default_factory=list)
     _lined: list[tuple[Op, Primitive]] = field(default_factory=list)
     _took: list[float] = field(default_factory=list)
-    _gained: dict[Program, float] = field(default_factory=dict)
     _stepped: set[Program] = field(default_factory=set)
-    _left_out: list[bool] = field(default_factory=lambda: [True])
+    _last: _Look = field(default_factory=_Look)
 
     def has_more_to_look_at(self) -> bool:
         """Whether parts were left out of the last look at all, or there was none: the next look is at all of them."""
-        self._gained.clear()
-        return self._left_out[-1]
+        self._last.gained.clear()
+        return self._last.is_partial
 
     def promising(self, found: _Trial) -> list[_Trial]:
         """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps.
 
-        Parts that did little in the last look are left out of the next ones, until none of the others shortens it: what does was nearly
-        always among the tenth that would have done best in the round before.
+        Parts that did little in the last look are left out of the next ones, until none of the others shortens it.
         """
         best = found.likely
         steps = to_sequence(best.program, apart=True)
-        self._left_out.append(False)
+        self._last.is_partial = False
         if len(steps) > LONGEST:
             return []
         spans, retraced = self._spans(best, steps), self._retraced(best, steps)
         offered = [*self._guesses(best, steps), *self.candidates]
-        offered = self._without_idle(self._fillings(best, offered) if self.filling else offered)
+        offered = self._last.leave_idle(self._fillings(best, offered) if self.filling else offered)
         compound = [p for p in offered if isinstance(p, Combine)]
         others = [
             *distinct([p for p in offered if isinstance(p, Primitive)], self.cloud),
@@ -263,7 +284,7 @@ class _Changes:
         anew = [(*start[:at], Step(start[at].op, term), *start[at + 1 :]) for term, at in enumerate(retraced.values(), begin)]
         explained, numbers = mixture.explain([start, *moves])
         lengths = explained + numbers * scene.number
-        self._note_gains(mixture.parts, own, lengths)
+        self._last.note_gains(mixture.parts, own, lengths)
         if pairs := [c for term in own if term < begin for c in in_place_of_two(term, mixture.parts, moves, own[term], lengths, start)]:
             more, counts = mixture.explain([start, *pairs])
             explained, lengths = np.append(explained, more[1:]), np.append(lengths, (more + counts * scene.number)[1:])
@@ -277,19 +298,6 @@ class _Changes:
         fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
         copied = self._copied(best, steps, mixture, (moves, explained)) if self.copies and self._has_time_for_copies() else []
         return [*fitted, *copied, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
-
-    def _without_idle(self, parts: list[Program]) -> list[Program]:
-        """The parts that are new, would hardly have lengthened the description in the last look, or were among the BUSY share there."""
-        known = [self._gained[part] for part in parts if part in self._gained]
-        least = min(-SLACK, float(np.quantile(known, 1 - BUSY, method="lower"))) if known else -math.inf
-        busy = [part for part in parts if self._gained.get(part, math.inf) >= least]
-        self._left_out[-1] = len(busy) < len(parts)
-        return busy
-
-    def _note_gains(self, parts: Sequence[Program], own: Mapping[int, range], lengths: np.ndarray) -> None:
-        """Note by how much each part shortens the description at best, by the `lengths` of the start and of all moves."""
-        for term, its in own.items():
-            self._gained[parts[term]] = float(lengths[0] - lengths[its.start + 1 : its.stop + 1].min(initial=np.inf))
 
     def _copied(
         self, best: FittedProgram, steps: SignedSequence[Program], mixture: BatchedLikelihood, moves: tuple[Sequence[Choice], np.ndarray]
