@@ -89,8 +89,9 @@ def test_the_axis_of_a_turned_part_is_the_clearest_of_directions():
     assert clearest_axes(points, [slanted, np.eye(3)], 1.0) is not slanted
     turned = points @ slanted.T
     assert clearest_axes(turned, [slanted, np.eye(3)], 1.0) is slanted
-    about = matrix_from_euler((0.0, 0.0, 25.0))
-    assert clearest_axes(points, [about, np.eye(3)], 1.0) is about  # as clear as the others: the first is kept
+    first = slanted @ matrix_from_euler((0.0, 0.0, 25.0))
+    assert clearest_axes(turned, [first, slanted], 1.0) is first  # as clear as the others: the first is kept
+    assert (clearest_axes(points, [matrix_from_euler((0.0, 0.0, 25.0))], 1.0) == np.eye(3)).all()  # ... but for the given ones
 
 
 @pytest.mark.parametrize("line", [np.zeros((200, 3)), np.linspace(0, 1, 200)[:, None] * (1.0, 2.0, 3.0)])

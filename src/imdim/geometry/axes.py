@@ -72,11 +72,14 @@ def find_shared_axes(directions: Sequence[Sequence[float]], weights: Sequence[fl
 def clearest_axes(points: np.ndarray, frames: Sequence[np.ndarray], width: float) -> np.ndarray:
     """The first of the rotations `frames` [3, 3], or another in which `points` [n, 3] clearly pile up more in squares of `width`.
 
-    They do in the shadows along the part's directions, where walls become lines, and in the profile about the axis of a turned part.
+    They do in the shadows along the part's directions, where walls become lines, and in the profile about the axis of a turned part. Where
+    the given axes are worth as much they are kept: about its axis any turn of a turned part is as good, but what is small on it was drawn
+    along them.
     """
     worth = [_crowding(points @ f, width) for f in frames]
     best = int(np.argmax(worth))
-    return frames[best if worth[0] < CLEARLY * worth[best] else 0]
+    chosen = best if worth[0] < CLEARLY * worth[best] else 0
+    return np.eye(3) if _crowding(points, width) >= STAY * worth[chosen] else frames[chosen]
 
 
 def _crowding(local: np.ndarray, width: float) -> float:

@@ -137,7 +137,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         yield _state(step, seen, frame)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
-    choose_by, fit_by = _times(budget, share)
+    fit_by = budget.part_of("fit", share)
     home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
     short = preserve(home, reduce_program(home, deadline=fit_by))
     if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():
@@ -149,8 +149,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
     last = _state(simple, seen, frame)
     yield last
     if settings.solver:
-        solve_by = budget.part_of("likely", share) if seen.noisy else fit_by
-        fitted, found = _solve(simple, seen, choose_by, solve_by, settings, work.policy)
+        choose_by, likely_by = _noisy_times(budget, share)
+        fitted, found = _solve(simple, seen, choose_by, likely_by if seen.noisy else fit_by, settings, work.policy)
         if work.alone and found is None and not fit_by.has_passed():
             frame = settle_origin(frame.undo(fitted.program), seen, frame)
         last = _state(fitted, seen, frame)
@@ -158,6 +158,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         if found is None:
             last = replace(last, program=_arrange(_round(last.program, seen, frame, fit_by, work.own), fit_by))
         else:
+            fit_by = budget.part_of("measure", share)
             measured = snap_measured(last.program, found, frame.to_world(seen.target.points), fit_by)
             last = replace(last, program=measured, found=found, noisy=True)
         # rounding may part what met; where time was short it is worth more than relations to open what should be open
@@ -187,7 +188,7 @@ def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: Work,
     from imdim.reconstruction.mdl import reconstruct_scan  # of clouds and scans: most meshes need not wait for it
 
     # few numbers are left to be fitted, and rounding is quick: the search may take longer than a cloud's
-    times = work.budget.part_of("likely", share), work.budget.part_of("fit", share)
+    times = work.budget.part_of("fit", share), work.budget.part_of("likely", share)
     likely = reconstruct_scan(observed, work.rng, *times, work.settings.language == "cad")
     if likely is None:
         return None
@@ -212,7 +213,7 @@ def _guess(body: UnitBody, work: Work, share: float, cut: bool) -> tuple[MethodS
 
     insists = work.settings.method == "policy"
     asked = work.guesses and (insists or time_to_propose(work.budget))
-    drawn, times = work.settings.language == "cad", _times(work.budget, share)
+    drawn, times = work.settings.language == "cad", _noisy_times(work.budget, share)
     likely = reconstruct_unlabelled(body, work.policy if asked else None, *times, calm=cut, drawn=drawn, written=insists)
     if likely is None:
         return None
@@ -220,9 +221,9 @@ def _guess(body: UnitBody, work: Work, share: float, cut: bool) -> tuple[MethodS
     return step.cut_if(cut or likely.cut or not asked), likely.constraints
 
 
-def _times(budget: Budget, share: float) -> tuple[Deadline, Deadline]:
-    """When a body's program must be chosen, and its numbers fitted; each may take a share of the time left."""
-    return budget.part_of("choose", share), budget.part_of("fit", share)
+def _noisy_times(budget: Budget, share: float) -> tuple[Deadline, Deadline]:
+    """When the program of a noisy cloud must be chosen, and its numbers fitted; each may take a share of the time left."""
+    return budget.part_of("choose", share), budget.part_of("likely", share)
 
 
 def _solve(

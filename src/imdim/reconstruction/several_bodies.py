@@ -83,7 +83,7 @@ def _by_noisy_body(target: Target, parts: Sequence[np.ndarray], work: Work) -> I
     bodies = [_gather(target, [(parts[i], way) for i, way in group], f"{target.name} body {group[0][0] + 1}") for group in groups]
     for number, (group, body) in enumerate(zip(groups, bodies, strict=True)):
         share = len(body.points) / sum(len(rest.points) for rest in bodies[number:])
-        own = Budget(share * work.budget.end_of("choose").left() / SHARES["fit"].by, work.budget.now)
+        own = Budget(share * work.budget.end_of("choose").left() / SHARES["measure"].by, work.budget.now)
         if own.whole_s <= 0:
             work.notes.append(f"no time was left for {len(bodies) - number} of {len(bodies)} bodies: they are boxes")
             done += [
@@ -103,7 +103,7 @@ def _by_noisy_body(target: Target, parts: Sequence[np.ndarray], work: Work) -> I
     (unit, frame), last = in_unit_frame(target), unite_states("joint", done)
     likely = settle_together(frame.apply(last.program), unit.points, sigma * frame.scale, work.budget.end_of("likely"))
     found = scale_constraints(likely.constraints, 1 / frame.scale)
-    program = snap_measured(frame.undo(likely.program), found, target.points, work.budget.end_of("fit"))
+    program = snap_measured(frame.undo(likely.program), found, target.points, work.budget.end_of("measure"))
     error, stop = last.measure(program), CUT if likely.cut else last.stop
     front = (Choice(program, error),)
     yield replace(last, program=program, error=error, front=front, found=found, noisy=True, noise=noise, stop=stop)

@@ -142,7 +142,7 @@ def test_where_an_arc_would_cross_the_axis_lines_are_tried():
     assert profile.bounds[0][0] < 0
     asked = []
 
-    def fit(border, reach, points, sigma, turned, most_turn):
+    def fit(places, sums, on_axis, sigma, price, most_turn):
         asked.append(most_turn)
         return profile.loops[0] if most_turn else straight.loops[0]
 

@@ -20,7 +20,7 @@ from imdim.geometry import kernels
 from imdim.geometry.conic import fit_conic
 from imdim.geometry.lowering import Outlines
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import CrossingError, Loop, Outline, Vertex, check_crossings, circle, loop_area
+from imdim.program.outline import CrossingError, Loop, Outline, Ring, Vertex, check_crossings, circle, loop_area
 
 PLACES = 260  # along a border, at most
 STEP = 1.5  # deviations of the noise between them, at least
@@ -72,7 +72,9 @@ def fit_outline(borders: Sequence[np.ndarray], cell: float, points: np.ndarray, 
     If `turned`, x is the distance from an axis, along which loops need no curve.
     """
     large = [border for border in borders if np.ptp(border, axis=0).min() > LEAST * sigma]
-    loops = [loop for border in large if (loop := _fit_sound_loop(border, cell, points, sigma, turned)) is not None]
+    price = PRICE * 0.5 * math.log(max(len(points), 2))
+    shared = zip(large, _share_out(points, large), strict=True)
+    loops = [loop for border, own in shared if (loop := _fit_sound_loop(border, cell, own, sigma, price, turned)) is not None]
     loops.sort(key=lambda loop: -abs(loop_area(loop)))
     while loops:
         try:
@@ -90,30 +92,47 @@ def fit_outline(borders: Sequence[np.ndarray], cell: float, points: np.ndarray, 
     return None
 
 
-def _fit_sound_loop(border: np.ndarray, cell: float, points: np.ndarray, sigma: float, turned: bool) -> Loop | None:
-    """The loop along a border, of lines alone where arcs cross something or the axis; None where these do too, and where it bounds hardly
-    anything."""
-    for most_turn in (MOST_TURN, 0.0):
-        loop = _fit_loop(border, max(OWN * sigma, OFF * cell), points, sigma, turned, most_turn)
-        if loop is None or abs(loop_area(loop)) <= (LEAST * sigma) ** 2:
-            continue
-        try:
-            alone = Outline((loop,))
-            check_crossings(alone)
-        except ValueError:
-            continue
-        if not turned or alone.bounds[0][0] >= 0:
-            return loop
-    return None
+def _share_out(points: np.ndarray, borders: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The `points` [n, 2] that are nearest to each of the borders [m, 2]: beyond a thin wall lie those of another."""
+    if len(borders) < 2:
+        return [points] * len(borders)
+    nearest = np.asarray(KDTree(np.concatenate(borders)).query(points)[1])
+    of = np.repeat(np.arange(len(borders)), [len(border) for border in borders])[nearest]
+    return [points[of == k] for k in range(len(borders))]
 
 
-def _fit_loop(border: np.ndarray, reach: float, points: np.ndarray, sigma: float, turned: bool, most_turn: float) -> Loop | None:
-    places = _space_out(border, sigma)
-    price = PRICE * 0.5 * math.log(len(points))
+def _fit_sound_loop(border: np.ndarray, cell: float, points: np.ndarray, sigma: float, price: float, turned: bool) -> Loop | None:
+    """The loop along a border that tells the points [n, 2] beside it best: of lines and arcs, of lines alone, since arcs that are right for
+    short stretches may meet where nothing is, or an ellipse. None where all of them cross something or the axis, or bound hardly anything."""
+    places, reach = _space_out(border, sigma), max(OWN * sigma, OFF * cell)
     points = points[((points > places.min(0) - reach) & (points < places.max(0) + reach)).all(1)]
     own = np.asarray(KDTree(places).query(points, distance_upper_bound=reach)[1])
+    beside = np.ascontiguousarray(points[own < len(places)])
     sums = _sum_powers(places, points, own)
     on_axis = places[:, 0] < 1.5 * sigma if turned else np.zeros(len(places), bool)
+    drawn: list[Loop | None] = [_fit_loop(places, sums, on_axis, sigma, price, MOST_TURN)]
+    if not (drawn[0] and not any(bulge for *_, bulge in drawn[0])):
+        drawn.append(_fit_loop(places, sums, on_axis, sigma, price, 0.0))
+    if not on_axis.any() and max(len(loop) if loop else FEWEST_ARCS for loop in drawn) >= FEWEST_ARCS:
+        drawn.append(_ellipse_through(places, beside, sigma))
+    sound = [loop for loop in drawn if loop and _is_sound(loop, sigma, turned)]
+    return min(sound, key=lambda loop: _cost(loop, beside, sigma, price)) if sound else None
+
+
+def _is_sound(loop: Loop, sigma: float, turned: bool) -> bool:
+    """Whether a loop bounds something and crosses neither itself nor the axis that it is `turned` about."""
+    if abs(loop_area(loop)) <= (LEAST * sigma) ** 2:
+        return False
+    try:
+        alone = Outline((loop,))
+        check_crossings(alone)
+    except ValueError:
+        return False
+    return not turned or alone.bounds[0][0] >= 0
+
+
+def _fit_loop(places: np.ndarray, sums: np.ndarray, on_axis: np.ndarray, sigma: float, price: float, most_turn: float) -> Ring | None:
+    """The cheapest row of curves along the places [m, 2] of a border, from the axis and back to it where some lie `on_axis`."""
     vertices: list[Vertex] = []
     if on_axis.all():
         return None
@@ -127,11 +146,7 @@ def _fit_loop(border: np.ndarray, reach: float, points: np.ndarray, sigma: float
             if last - first > 1:
                 vertices += _fit_chain(places[first:last], sums[first:last], sigma, price, most_turn)
     vertices = _drop_short(vertices)
-    loop = tuple(vertices) if len(vertices) > 2 or (len(vertices) == 2 and any(b for _, _, b in vertices)) else None
-    if loop is None or on_axis.any() or len(loop) < FEWEST_ARCS:
-        return loop
-    ellipse = _ellipse_through(places, points[own < len(places)], sigma)
-    return min(loop, ellipse, key=lambda drawn: _cost(drawn, points[own < len(places)], sigma, price)) if ellipse else loop
+    return tuple(vertices) if len(vertices) > 2 or (len(vertices) == 2 and any(b for _, _, b in vertices)) else None
 
 
 def _ellipse_through(places: np.ndarray, points: np.ndarray, sigma: float) -> Ellipse | None:

@@ -39,6 +39,7 @@ from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.mdl.curve_fitting import fit_outline
 from imdim.search.mdl.curve_tracing import find_sides, trace_borders
+from imdim.search.mdl.even_stretches import find_even_stretches
 
 SECTORS = 12  # of a turn
 ALL_AROUND = 0.6  # of the sectors that so many points would fill: what is turned
@@ -48,6 +49,8 @@ MOST_LEVELS = 6  # of which all pairs are looked at
 BORNE = 0.5  # share of an outline's points, and of the points meant, that must be near one another
 NEAR = 2.5  # deviations of the noise
 MOST_REDRAWN = 6
+LONG = 6.0  # deviations of the noise, the least length of an even stretch
+SAME_ENDS = 3.0  # deviations of the noise by which the ends of a stretch lie off levels that say the same
 FULL = 0.9  # of its box, that a hole fills which is taken for a rectangle
 SEGMENTS, MOST_WALKED = 96, 4096  # of a circle that is walked along, and places on the walk
 BULGING = (1.0, 2.0)  # deviations of the noise by which points lie off a wall that is drawn anew
@@ -71,7 +74,8 @@ def trace_turned_outlines(points: np.ndarray, axes: np.ndarray, k: int, centers:
 def trace_extruded_outlines(
     points: np.ndarray, axes: np.ndarray, k: int, levels: list[float], sigma: float, deadline: Deadline = NEVER
 ) -> Iterator[Primitive]:
-    """Solids extruded along column `k` of `axes` [3, 3] between two of the `levels`, given in their order."""
+    """Solids extruded along column `k` of `axes` [3, 3] between two of the `levels`, given in their order, or along a stretch over which the
+    points are evenly dense: its walls alone."""
     frame = np.roll(axes, -(k + 1), axis=1)
     frame = frame * np.array([1.0, 1.0, np.sign(np.linalg.det(frame))])
     local, side = points @ frame, frame[:, 2] @ axes[:, k]
@@ -80,15 +84,16 @@ def trace_extruded_outlines(
     if len(levels) > MOST_LEVELS:
         pairs = [(i, j) for i, j in pairs if j == i + 1 or (i == 0 and j == len(levels) - 1)]
     off = np.abs(local[:, 2, None] - np.array(levels)).min(1, initial=np.inf) > BESIDE * sigma
-    for i, j in pairs:
+    known = [(levels[i], levels[j]) for i, j in pairs]
+    even = find_even_stretches(local[:, 2], sigma, LONG)
+    new = [(a, b) for a, b in even if not any(max(abs(a - c), abs(b - d)) < SAME_ENDS * sigma for c, d in known)]
+    sections = [*((ends, (local[:, 2] > ends[0]) & (local[:, 2] < ends[1])) for ends in new)]
+    sections += [(ends, off & (local[:, 2] > ends[0]) & (local[:, 2] < ends[1])) for ends in known]
+    for ends, between in sections:
         if deadline.has_passed():
             return
-        between = off & (local[:, 2] > levels[i]) & (local[:, 2] < levels[j])
         drawn = _draw(local[between, :2], sigma, turned=False)
-        heights = [(levels[i], levels[j])]
-        if i > 0 or j < len(levels) - 1:
-            heights.append((levels[0], levels[-1]))
-        for outline, (bottom, top) in product(drawn, heights):
+        for outline, (bottom, top) in product(drawn, dict.fromkeys((ends, (levels[0], levels[-1])))):
             center = frame[:, 2] * (bottom + top) / 2
             yield simplest(Primitive("extrude", (top - bottom,), vec(center), euler_from_matrix(frame), outline))
 

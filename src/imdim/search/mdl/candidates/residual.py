@@ -1,12 +1,13 @@
 """Primitives that a sequence lacks, guessed from points that its surface does not explain and from surface without points.
 
 Points inside the solid lie on walls of cuts that are missing, points outside on parts that are missing. Each connected group of them
-offers a box, a sphere and a cylinder along each axis of the part. Surface without points is where a cut has taken it away: each such
+offers a box, a sphere, and a cylinder, a cone and a turned box along each axis of the part. Surface without points is where a cut has taken it away: each such
 region offers a box and a cylinder that go through the part. What guesses are worth is for the caller to find out.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -32,6 +33,10 @@ WALLS = (0.03, 0.06)  # of the diagonal
 THINNEST = 3.0  # deviations of the noise, the least half thickness of a wall: nearer skins are one blurred surface
 SKINS = {"box": (2, 2, 2), "cylinder": (1, 2), "sphere": (1,)}  # walls within a size
 TRIALS = 60  # circles and balls through random points
+ROUND_SPREAD = 0.5  # of the longer of two spreads, from which points lie in no direction
+ALONG = math.cos(math.radians(4.0))  # of an axis, along which points lie
+SETTLED, WIDE = 8, 8.0  # steps to a cone, and by how much more the first of them forgives than the last
+FLATTEST, STEEPEST = 0.15, 6.0  # slopes of cones: others are cylinders, and ends
 SEED = 0  # the same points always suggest the same primitives
 
 
@@ -160,6 +165,8 @@ def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -
     found = [place("box", np.maximum(high - low, thin), (low + high) / 2, axes)]
     for k in range(3):
         u, v = (k + 1) % 3, (k + 2) % 3
+        found += _turned_box(local, k, axes, thin)
+        found += _cone(local, k, axes, off)
         circle = _round(np.ascontiguousarray(local[:, [u, v]]), off)
         if circle is None:
             continue
@@ -172,6 +179,58 @@ def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -
     if ball is not None:
         found.append(place("sphere", (ball[1],), ball[0], axes))
     return found
+
+
+def _turned_box(local: np.ndarray, k: int, axes: np.ndarray, thin: float) -> list[Primitive]:
+    """The box about points [n, 3] in the frame `axes` whose sides lie as the points do, turned about axis k; none where they lie along the
+    axes, or in no direction: the part's own directions are any about the axis of a turned part, and a rib in it has its own."""
+    flat = np.delete(local, k, 1)
+    spread, ways = np.linalg.eigh(np.cov(flat.T))
+    if spread[0] > ROUND_SPREAD * spread[1] or np.abs(ways).max() > ALONG:
+        return []
+    long = np.insert(ways[:, 1], k, 0.0)
+    up = np.eye(3)[k]
+    turn = np.column_stack([long, np.cross(up, long), up])
+    there = local @ turn
+    low, high = there.min(0), there.max(0)
+    return [place("box", np.maximum(high - low, thin), turn @ ((low + high) / 2), axes, axes @ turn)]
+
+
+def _cone(local: np.ndarray, k: int, axes: np.ndarray, off: float) -> list[Primitive]:
+    """The cone along axis k through most of the points [n, 3] in the frame `axes`; none where they show none.
+
+    It starts from the axis that least squares tell as Kasa (1976) has it for circles: with the radius r + s z, x^2 + y^2 is
+    2 a x + 2 b y + (r^2 - a^2 - b^2) + 2 r s z + s^2 z^2, which is linear.
+    """
+    if len(local) < 2 * LEAST:
+        return []
+    middle = local.mean(0)
+    flat, z = np.delete(local - middle, k, 1), local[:, k] - middle[k]
+    begin = np.linalg.lstsq(np.column_stack([2 * flat, np.ones(len(z)), z, z**2]), (flat**2).sum(1), rcond=None)[0]
+    a, b, radius, slope = _settle_cone(flat, z, begin[:2], off)
+    low, high = float(z.min()), float(z.max())
+    ends = [max(radius + slope * end, 0.0) for end in (low, high)]
+    on = np.abs(np.hypot(*(flat - (a, b)).T) - radius - slope * z) < 0.5 * off * math.hypot(1.0, slope)
+    if not (FLATTEST < abs(slope) < STEEPEST and max(ends) < np.ptp(local, axis=0).max() and on.mean() > 0.5):
+        return []
+    center = middle + np.insert((a, b), k, (low + high) / 2)
+    return [place("cone", (*ends, high - low), center, axes, frame_from_axis(axes[:, k]))]
+
+
+def _settle_cone(flat: np.ndarray, z: np.ndarray, at: np.ndarray, off: float) -> tuple[float, float, float, float]:
+    """Where the axis of a cone crosses the plane of `flat` [n, 2], its radius there and its slope, by Gauss-Newton steps that leave points
+    at heights `z` [n] out of account the more the farther they lie from it."""
+    radius, slope = float(np.median(np.hypot(*(flat - at).T))), 0.0
+    for wide in np.geomspace(WIDE, 1.0, SETTLED):
+        arm = flat - at
+        rho = np.maximum(np.hypot(*arm.T), 1e-12)
+        rest = (rho - radius - slope * z) / math.hypot(1.0, slope)
+        weight = 1 / (1 + (rest / (wide * 0.5 * off)) ** 2) ** 2
+        rows = np.column_stack([arm / rho[:, None], np.ones(len(z)), z])
+        normal = (rows * weight[:, None]).T @ rows
+        step = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(4), (rows * weight[:, None]).T @ (rho - radius - slope * z))
+        at, radius, slope = at + step[:2], radius + float(step[2]), slope + float(step[3])
+    return float(at[0]), float(at[1]), radius, slope
 
 
 def _round(points: np.ndarray, off: float) -> tuple[np.ndarray, float, np.ndarray] | None:
