@@ -33,6 +33,8 @@ WALLS = (0.03, 0.06)  # of the diagonal
 THINNEST = 3.0  # deviations of the noise, the least half thickness of a wall: nearer skins are one blurred surface
 SKINS = {"box": (2, 2, 2), "cylinder": (1, 2), "sphere": (1,)}  # walls within a size
 TRIALS = 60  # circles and balls through random points
+OUTER = 1.5  # deviations of the noise by which the outermost of a face's points lie off it
+BLURRED = 8.0  # deviations of the noise between outermost points, below which two faces are one blur
 ROUND_SPREAD = 0.5  # of the longer of two spreads, from which points lie in no direction
 ALONG = math.cos(math.radians(4.0))  # of an axis, along which points lie
 SETTLED, WIDE = 8, 8.0  # steps to a cone, and by how much more the first of them forgives than the last
@@ -47,19 +49,19 @@ def missing(program: Program, cloud: Cloud, axes: np.ndarray, off: float) -> lis
     for positive, here in ((True, value > off), (False, value < -off)):
         points = cloud.points[here]
         for group in _group_connected(points, LINKED * cloud.spacing):
-            for guess in _guesses(points[group], axes, off, cloud.spacing):
+            for guess in _guesses(points[group], axes, off, cloud):
                 out += _reaching(guess, program, positive, cloud.diagonal)
     return out + _through(program, cloud, axes)
 
 
 def whole(cloud: Cloud, axes: np.ndarray) -> list[Primitive]:
     """What the whole cloud would be as one primitive."""
-    return _guesses(cloud.points, axes, 0.03 * cloud.diagonal, cloud.spacing)
+    return _guesses(cloud.points, axes, 0.03 * cloud.diagonal, cloud)
 
 
 def alternatives(points: np.ndarray, axes: np.ndarray, cloud: Cloud) -> list[Primitive]:
     """Other primitives for the `points` [m, 3] that one explains."""
-    return _guesses(points, axes, 0.01 * cloud.diagonal, cloud.spacing) if len(points) >= LEAST else []
+    return _guesses(points, axes, 0.01 * cloud.diagonal, cloud) if len(points) >= LEAST else []
 
 
 def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
@@ -158,14 +160,13 @@ def _through(program: Program, cloud: Cloud, axes: np.ndarray) -> list[Primitive
     return out
 
 
-def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -> list[Primitive]:
+def _guesses(points: np.ndarray, axes: np.ndarray, off: float, cloud: Cloud) -> list[Primitive]:
     local = points @ axes
-    low, high = local.min(0), local.max(0)
-    thin = 0.5 * spacing
-    found = [place("box", np.maximum(high - low, thin), (low + high) / 2, axes)]
+    thin = 0.5 * cloud.spacing
+    found = [_box_about(local, axes, cloud)]
     for k in range(3):
         u, v = (k + 1) % 3, (k + 2) % 3
-        found += _turned_box(local, k, axes, thin)
+        found += _turned_box(local, k, axes, cloud)
         found += _cone(local, k, axes, off)
         circle = _round(np.ascontiguousarray(local[:, [u, v]]), off)
         if circle is None:
@@ -181,19 +182,26 @@ def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -
     return found
 
 
-def _turned_box(local: np.ndarray, k: int, axes: np.ndarray, thin: float) -> list[Primitive]:
+def _box_about(local: np.ndarray, axes: np.ndarray, cloud: Cloud) -> Primitive:
+    """The box about points [n, 3] in the frame `axes` whose faces noise has blurred: a thin one is as thick as the points spread more than
+    noise does, and the outermost of many points lie off the face of a thick one."""
+    low, high, sigma = local.min(0), local.max(0), cloud.noise
+    half = np.maximum((high - low) / 2 - OUTER * sigma, 0.0)
+    middle = np.where(high - low > BLURRED * sigma, (low + high) / 2, local.mean(0))
+    spread = np.sqrt(np.maximum(local.var(0) - sigma**2, (sigma / 2) ** 2))
+    half = np.where(high - low > BLURRED * sigma, half, np.minimum(spread, (high - low) / 2))
+    return place("box", np.maximum(2 * half, 0.5 * cloud.spacing), middle, axes)
+
+
+def _turned_box(local: np.ndarray, k: int, axes: np.ndarray, cloud: Cloud) -> list[Primitive]:
     """The box about points [n, 3] in the frame `axes` whose sides lie as the points do, turned about axis k; none where they lie along the
     axes, or in no direction: the part's own directions are any about the axis of a turned part, and a rib in it has its own."""
-    flat = np.delete(local, k, 1)
-    spread, ways = np.linalg.eigh(np.cov(flat.T))
+    spread, ways = np.linalg.eigh(np.cov(np.delete(local, k, 1).T))
     if spread[0] > ROUND_SPREAD * spread[1] or np.abs(ways).max() > ALONG:
         return []
-    long = np.insert(ways[:, 1], k, 0.0)
-    up = np.eye(3)[k]
+    up, long = np.eye(3)[k], np.insert(ways[:, 1], k, 0.0)
     turn = np.column_stack([long, np.cross(up, long), up])
-    there = local @ turn
-    low, high = there.min(0), there.max(0)
-    return [place("box", np.maximum(high - low, thin), turn @ ((low + high) / 2), axes, axes @ turn)]
+    return [_box_about(local @ turn, axes @ turn, cloud)]
 
 
 def _cone(local: np.ndarray, k: int, axes: np.ndarray, off: float) -> list[Primitive]:
