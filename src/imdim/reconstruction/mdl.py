@@ -32,6 +32,7 @@ from imdim.relations.discover import discover
 from imdim.relations.residuals import rows_of
 from imdim.search.mdl.blurred_skins import may_hide_skins
 from imdim.search.mdl.candidates.drawn import retrace, take_holes_apart, take_loops_apart
+from imdim.search.mdl.candidates.pockets import pockets
 from imdim.search.mdl.candidates.shell_slot import compounds
 from imdim.search.mdl.description_length import PARALLEL_DEG, length_of
 from imdim.search.mdl.part_tables import PartTableCache
@@ -219,7 +220,7 @@ class _NoisyCloud:
         shown = outlines(self.points, self.axes, self.sigma, deadline=draw_by, drawn=self.drawn)
         found = self._best_drawn(distinct(shown.primitives, self._cloud)) if shown.primitives else []
         found = self._best_drawn(distinct([*found, *self._retraced(found, draw_by)], self._cloud))
-        seen = [*found, *compounds(found, self._cloud, self.sigma)]
+        seen = [*found, *compounds(found, self._cloud, self.sigma), *pockets(shown.primitives, self._cloud)]
         candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
         best, left_out = self._search(programs, candidates, choose_by)
         cut = shown.cut or left_out or choose_by.has_passed()

@@ -118,14 +118,19 @@ def redraw(leaf: Primitive) -> Iterator[Primitive]:
 
 
 def take_holes_apart(leaf: Primitive, beyond: float) -> tuple[Primitive, list[Primitive]]:
-    """An extrusion without the holes of its outline, and these as cuts of their own that end `beyond` it; what is nearly a circle or a
-    rectangle is one. As it is, and none, where it has none, or more than one outer loop."""
+    """An extrusion without the holes of its outline, and these as cuts of their own that end `beyond` it. As it is, and none, where it has
+    none, or more than one outer loop."""
     loops = leaf.outline.loops if leaf.kind == "extrude" and leaf.outline else ()
     sides = nesting(loops)
     if sides.count(1) != 1 or len(loops) < 2:
         return leaf, []
-    outer, holes = loops[sides.index(1)], [loop for loop, side in zip(loops, sides, strict=True) if side < 0]
-    return simplest(replace(leaf, outline=Outline((outer,)))), [_apart(leaf, loop, beyond) for loop in holes]
+    return simplest(replace(leaf, outline=Outline((loops[sides.index(1)],)))), holes_of(leaf, beyond)
+
+
+def holes_of(leaf: Primitive, beyond: float) -> list[Primitive]:
+    """The holes of an extrusion's outline as solids that end `beyond` it; what is nearly a circle or a rectangle is one."""
+    loops = leaf.outline.loops if leaf.kind == "extrude" and leaf.outline else ()
+    return [_apart(leaf, loop, beyond) for loop, side in zip(loops, nesting(loops), strict=True) if side < 0]
 
 
 def take_loops_apart(leaf: Primitive) -> list[Primitive]:
