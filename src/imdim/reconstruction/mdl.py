@@ -421,9 +421,13 @@ class _NoisyCloud:
     @staticmethod
     def _in_turn(lineages: list[_Lineage], deadline: Deadline = NEVER, slow: float = 0.0) -> list[_Lineage]:
         """The lineages as far as they come, the shortest first. The next round is that of the one which promises the most by what it won in
-        its last, until none promises more than one has, or wins more in a round than is `slow`."""
-        going = list(lineages)
+        its last, one that had none by the most that any has won in one, until none promises more than one has, or wins more in a round than
+        is `slow`."""
+        going, largest = list(lineages), 0.0
         while going and not deadline.has_passed():
+            largest = max([largest, *(lineage.won for lineage in lineages if lineage.has_begun)])
+            for fresh in (lineage for lineage in going if not lineage.has_begun and largest):
+                fresh.promised = fresh.length - AHEAD * largest
             most = min(going, key=lambda lineage: lineage.promised)
             if most.promised > min(lineage.length for lineage in lineages):
                 break
@@ -463,6 +467,11 @@ class _Lineage:
     rounds: Iterator[tuple[FittedProgram, float]]
     promised: float = -math.inf
     won: float = math.inf
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether it has had a round that found something."""
+        return self.won < math.inf
 
     def time_round(self, clock: Deadline) -> float:
         """Have two rounds, and tell how many seconds of a deadline's clock the last one took: what all share is worked out in the first."""

@@ -242,7 +242,7 @@ class _Changes:
     copies: bool = False
     deadline: Deadline = NEVER
     _known: _Guesses = field(default_factory=lambda: _Guesses([]))
-    _drawn_anew: list[Primitive] = field(default_factory=list)
+    _drawn_anew: list[tuple[Primitive, int]] = field(default_factory=list)
     _lined: list[tuple[Op, Primitive]] = field(default_factory=list)
     _took: list[float] = field(default_factory=list)
     _stepped: set[Program] = field(default_factory=set)
@@ -392,17 +392,23 @@ class _Changes:
 
     def _retraced(self, best: FittedProgram, steps: SignedSequence[Program]) -> dict[Primitive, int]:
         """Steps with outlines drawn anew through the points that they explain, and where they stand; none of an outline that has hardly
-        moved since it was tried."""
+        moved since it was tried, and explains as many points."""
         points, sigma = self.cloud.points, best.noise.sigma
         outlines = [(i, part) for i, (_, part) in enumerate(steps) if isinstance(part, Primitive) and part.outline is not None]
-        drawn = [(i, part) for i, part in outlines if not any(is_near(part, old, STILL * sigma) for old in self._drawn_anew)]
-        if not drawn:
+        if not outlines:
             return {}
-        self._drawn_anew.extend(part for _, part in drawn)
         leaf, value, _, _ = kernels.program_tangent(best.program, points)
         firsts = np.cumsum([0, *(count(part).primitives for _, part in steps)])
         near = np.abs(value) < OWN * sigma
-        return {new: i for i, part in drawn for new in retrace(part, points[near & (leaf == firsts[i])], sigma)}
+        out: dict[Primitive, int] = {}
+        for i, part in outlines:
+            own = near & (leaf == firsts[i])
+            number = int(own.sum())
+            if any(abs(had - number) <= FEW * number and is_near(part, old, STILL * sigma) for old, had in self._drawn_anew):
+                continue
+            self._drawn_anew.append((part, number))
+            out |= dict.fromkeys(retrace(part, points[own], sigma), i)
+        return out
 
     def _guesses(self, best: FittedProgram, steps: SignedSequence[Program]) -> list[Program]:
         """What might be missing, and other shapes for the points of each primitive of the sequence."""
