@@ -103,17 +103,17 @@ def _share_out(points: np.ndarray, borders: Sequence[np.ndarray]) -> list[np.nda
 
 def _fit_sound_loop(border: np.ndarray, cell: float, points: np.ndarray, sigma: float, price: float, turned: bool) -> Loop | None:
     """The loop along a border that tells the points [n, 2] beside it best: of lines and arcs, of lines alone, since arcs that are right for
-    short stretches may meet where nothing is, or an ellipse. None where all of them cross something or the axis, or bound hardly anything."""
+    short stretches may meet where nothing is, or an ellipse. None where each crosses itself or the axis, or bounds hardly anything."""
     places, reach = _space_out(border, sigma), max(OWN * sigma, OFF * cell)
     points = points[((points > places.min(0) - reach) & (points < places.max(0) + reach)).all(1)]
     own = np.asarray(KDTree(places).query(points, distance_upper_bound=reach)[1])
     beside = np.ascontiguousarray(points[own < len(places)])
     sums = _sum_powers(places, points, own)
     on_axis = places[:, 0] < 1.5 * sigma if turned else np.zeros(len(places), bool)
-    drawn: list[Loop | None] = [_fit_loop(places, sums, on_axis, sigma, price, MOST_TURN)]
-    if not (drawn[0] and not any(bulge for *_, bulge in drawn[0])):
-        drawn.append(_fit_loop(places, sums, on_axis, sigma, price, 0.0))
-    if not on_axis.any() and max(len(loop) if loop else FEWEST_ARCS for loop in drawn) >= FEWEST_ARCS:
+    curved = _fit_loop(places, sums, on_axis, sigma, price, MOST_TURN)
+    has_arcs = curved is None or any(bulge for *_, bulge in curved)
+    drawn: list[Loop | None] = [curved, _fit_loop(places, sums, on_axis, sigma, price, 0.0) if has_arcs else None]
+    if not on_axis.any() and (curved is None or len(curved) >= FEWEST_ARCS):
         drawn.append(_ellipse_through(places, beside, sigma))
     sound = [loop for loop in drawn if loop and _is_sound(loop, sigma, turned)]
     return min(sound, key=lambda loop: _cost(loop, beside, sigma, price)) if sound else None

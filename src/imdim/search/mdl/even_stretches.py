@@ -8,6 +8,7 @@ Jackson et al. 2005).
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,7 +25,7 @@ def find_even_stretches(height: np.ndarray, sigma: float, least: float) -> list[
         return []
     counts = np.histogram(height, bins, (low, high))[0]
     ends = low + (high - low) / bins * _split(np.concatenate([[0], np.cumsum(counts)]), PRICE * math.log(len(height)))
-    return [(float(a), float(b)) for a, b in zip(ends, ends[1:], strict=False) if b - a > least * sigma]
+    return [(float(a), float(b)) for a, b in pairwise(ends) if b - a > least * sigma]
 
 
 def _split(sums: np.ndarray, price: float) -> np.ndarray:

@@ -74,8 +74,8 @@ def trace_turned_outlines(points: np.ndarray, axes: np.ndarray, k: int, centers:
 def trace_extruded_outlines(
     points: np.ndarray, axes: np.ndarray, k: int, levels: list[float], sigma: float, deadline: Deadline = NEVER
 ) -> Iterator[Primitive]:
-    """Solids extruded along column `k` of `axes` [3, 3] between two of the `levels`, given in their order, or along a stretch over which the
-    points are evenly dense: its walls alone."""
+    """Solids extruded along column `k` of `axes` [3, 3] between two of the `levels`, given in their order, or along a stretch over which
+    the points are evenly dense: its walls alone."""
     frame = np.roll(axes, -(k + 1), axis=1)
     frame = frame * np.array([1.0, 1.0, np.sign(np.linalg.det(frame))])
     local, side = points @ frame, frame[:, 2] @ axes[:, k]

@@ -28,7 +28,7 @@ OUTERMOST = (0.01, 0.99)  # quantiles of coordinates, beyond which points may be
 OUT = 4.0  # deviations of the noise by which an open end leaves the part
 MOST_DRAWINGS = 4
 MOST_HOLES = 24  # of one drawing
-ALIKE = 2.0  # deviations of the noise by which pockets differ that may be copies
+ALIKE = 3.0  # deviations of the noise by which pockets differ that may be copies
 
 
 def pockets(drawn: Sequence[Primitive], cloud: Cloud) -> list[Program]:
@@ -61,13 +61,30 @@ def _cut_holes(same: Sequence[Primitive], cloud: Cloud) -> _Holed | None:
     if not 0 < len(holes) <= MOST_HOLES:
         return None
     heights = _Heights.of(same, cloud)
-    walls = [_Walls.of(hole, heights.points, cloud) for hole in holes]
     spans = [*heights.spans(OUT * cloud.noise)]
-    worth = [[own.worth(*span, heights.ends) for own in walls] for span in spans]
-    totals = [sum(max(each, 0.0) for each in some) for some in worth]
-    best = int(np.argmax(totals))
-    cuts = tuple(_between(hole, heights.axis, spans[best]) for hole, each in zip(holes, worth[best], strict=True) if each > 0)
-    return _Holed(totals[best], cuts, _find_block(same[0], heights, cloud)) if cuts else None
+    plain = [hole for hole in holes if hole.outline is None]
+    best = [_most_borne(hole, [_in_place(p, hole) for p in plain] if hole.outline else [], spans, heights, cloud) for hole in holes]
+    totals = np.maximum([worth for _, worth in best], 0.0).sum(0)
+    span = int(np.argmax(totals))
+    cuts = tuple(_between(hole, heights.axis, spans[span]) for hole, worth in best if worth[span] > 0)
+    return _Holed(float(totals[span]), cuts, _find_block(same[0], heights, cloud)) if cuts else None
+
+
+def _most_borne(
+    hole: Primitive, others: Sequence[Primitive], spans: Sequence[tuple[float, float]], heights: _Heights, cloud: Cloud
+) -> tuple[Primitive, list[float]]:
+    """The hole, or the one of others in its place that points bear out more, and by how many of them in each span."""
+    options = []
+    for option in (hole, *others):
+        walls = _Walls.of(option, heights.points, cloud)
+        options.append((option, [walls.worth(*span, heights.ends) for span in spans]))
+    return max(options, key=lambda option: max(option[1]))
+
+
+def _in_place(plain: Primitive, drawn: Primitive) -> Primitive:
+    """A hole of one of the six kinds in the middle of one that is drawn with curves of its own: noise draws one in a row otherwise."""
+    low, high = (np.array(corner) for corner in drawn.outline.bounds) if drawn.outline else (np.zeros(2), np.zeros(2))
+    return replace(plain, center=vec(np.array(drawn.center) + matrix_from_euler(drawn.rotation)[:, :2] @ ((low + high) / 2)))
 
 
 def _find_block(leaf: Primitive, heights: _Heights, cloud: Cloud) -> Primitive | None:
@@ -83,7 +100,8 @@ def _find_block(leaf: Primitive, heights: _Heights, cloud: Cloud) -> Primitive |
 
 @dataclass(frozen=True)
 class _Heights:
-    """Of the `points` [n] of a cloud along an `axis`, the `ends` between which they lie, and the low and the high `levels` of extrusions."""
+    """Heights of the `points` [n] of a cloud along an `axis`, the `ends` between which they lie, and the low and high `levels` of
+    extrusions."""
 
     axis: np.ndarray
     points: np.ndarray
@@ -141,8 +159,8 @@ class _Walls:
         return min(2 * seen, 2 * meant) - meant
 
     def _stand_out(self, off: np.ndarray) -> float:
-        """How many points lie about a face in which they are so far: more than there are in the empty space before it. Behind it may lie the
-        other skin of a thin wall."""
+        """How many points lie about a face in which they are so far: more than there are in the empty space before it. Behind it may lie
+        the other skin of a thin wall."""
         band = BAND * self.sigma
         return (np.count_nonzero(np.abs(off) < band) - 2 * np.count_nonzero((off > -2 * band) & (off <= -band))) / KEPT
 

@@ -1,8 +1,8 @@
 """Primitives that a sequence lacks, guessed from points that its surface does not explain and from surface without points.
 
 Points inside the solid lie on walls of cuts that are missing, points outside on parts that are missing. Each connected group of them
-offers a box, a sphere, and a cylinder, a cone and a turned box along each axis of the part. Surface without points is where a cut has taken it away: each such
-region offers a box and a cylinder that go through the part. What guesses are worth is for the caller to find out.
+offers a box, a sphere, and a cylinder, a cone and a turned box along each axis of the part. Surface without points is where a cut has
+taken it away: each such region offers a box and a cylinder that go through the part. What guesses are worth is for the caller to find out.
 """
 
 from __future__ import annotations
