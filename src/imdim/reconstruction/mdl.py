@@ -22,6 +22,7 @@ from imdim.numbers.likelihood import Noise, SurfaceSamples, negative_log_density
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.numbers.ties import tie_alike
 from imdim.program.constraints import Constraint
+from imdim.program.cost import count
 from imdim.program.paths import Path, leaf_paths, without
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.sequence import Step, to_program, to_sequence
@@ -67,8 +68,8 @@ DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 NUMBERS_SHARE = 0.85  # of the time in which numbers are fitted: the relations among them need the rest
-SOLIDS, LEAF_S = 40.0, 0.15  # solids that delivery makes, and seconds that it takes for each leaf
-ALLOWED_S = 1.5  # of these that are allowed for
+SOLIDS, LEAF_S, CURVE_S = 30.0, 0.15, 0.03  # solids that delivery makes, and seconds that it takes for each leaf and curve
+ALLOWED_S, ALLOWED_FIT_S = 1.5, 5.0  # of these that are allowed for, and that are where numbers are fitted, which is better cut than all else
 SPARE_SHARE = 0.5  # of the time in which numbers are fitted, for leaves that are not worth theirs
 SPARE = 5e-4  # nats per point that a leaf is worth at least: the samples leave more in doubt
 KEPT = 3  # leaves in a row that are worth their numbers, by how little they seem to be, after which the others are
@@ -224,6 +225,7 @@ class _NoisyCloud:
         candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
         best, left_out = self._search(programs, candidates, choose_by)
         cut = shown.cut or left_out or choose_by.has_passed()
+        fit_by = _leave_time_to_deliver(best.program, fit_by, ALLOWED_FIT_S)
         points = subsample(self.points, MOST_POINTS)
         best = best if self.trifle else self._without_spare(best, fit_by.ahead(SPARE_SHARE * fit_by.left()))
         shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
@@ -423,10 +425,10 @@ class _NoisyCloud:
         """The lineages as far as they come, the shortest first. The next round is that of the one which promises the most by what it won in
         its last, one that had none by the most that any has won in one, until none promises more than one has, or wins more in a round than
         is `slow`."""
-        going, largest = list(lineages), 0.0
+        going = list(lineages)
         while going and not deadline.has_passed():
-            largest = max([largest, *(lineage.won for lineage in lineages if lineage.has_begun)])
-            for fresh in (lineage for lineage in going if not lineage.has_begun and largest):
+            largest = max(lineage.most_won for lineage in lineages)
+            for fresh in (lineage for lineage in going if largest and not lineage.most_won):
                 fresh.promised = fresh.length - AHEAD * largest
             most = min(going, key=lambda lineage: lineage.promised)
             if most.promised > min(lineage.length for lineage in lineages):
@@ -460,18 +462,15 @@ class _NoisyCloud:
 
 @dataclass
 class _Lineage:
-    """One of several searches: its `best` program so far, how long that takes, and the `rounds` that shorten it."""
+    """One of several searches: its `best` program so far, how long that takes, and the `rounds` that shorten it, with what is `promised`
+    of the next ones by what the last one `won`."""
 
     best: FittedProgram
     length: float
     rounds: Iterator[tuple[FittedProgram, float]]
     promised: float = -math.inf
     won: float = math.inf
-
-    @property
-    def has_begun(self) -> bool:
-        """Whether it has had a round that found something."""
-        return self.won < math.inf
+    most_won: float = 0.0
 
     def time_round(self, clock: Deadline) -> float:
         """Have two rounds, and tell how many seconds of a deadline's clock the last one took: what all share is worked out in the first."""
@@ -491,6 +490,7 @@ class _Lineage:
             self.promised = self.length
             return False
         self.won = self.length - found[1]
+        self.most_won = max(self.most_won, self.won)
         (self.best, self.length), self.promised = found, found[1] - AHEAD * self.won
         return True
 
@@ -500,10 +500,11 @@ def _count_with_time(left: float, round_s: float) -> int:
     return max(2, int(min(left / (ROUNDS_EACH * max(round_s, 1e-9)), MOST_LINEAGES)))
 
 
-def _leave_time_to_deliver(program: Program, deadline: Deadline) -> Deadline:
+def _leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float = ALLOWED_S) -> Deadline:
     """The deadline, earlier by what delivering a program takes that is long or whose solid is slow to make: all else is allowed for."""
-    takes_s = SOLIDS * time_solid(program, deadline.now) + LEAF_S * sum(1 for _ in leaves(program))
-    return replace(deadline, at=deadline.at - max(takes_s - ALLOWED_S, 0.0))
+    has = count(program)
+    takes_s = SOLIDS * time_solid(program, deadline.now) + LEAF_S * has.primitives + CURVE_S * has.curves
+    return replace(deadline, at=deadline.at - max(takes_s - allowed_s, 0.0))
 
 
 def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline, config: EMConfig = QUICK) -> FittedProgram:
