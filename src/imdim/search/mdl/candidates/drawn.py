@@ -53,7 +53,7 @@ LONG = 6.0  # deviations of the noise, the least length of an even stretch
 SAME_ENDS = 3.0  # deviations of the noise by which the ends of a stretch lie off levels that say the same
 FULL = 0.9  # of its box, that a hole fills which is taken for a rectangle
 SEGMENTS, MOST_WALKED = 96, 4096  # of a circle that is walked along, and places on the walk
-BULGING = (1.0, 2.0)  # deviations of the noise by which points lie off a wall that is drawn anew
+BULGING = (0.7, 1.0, 2.0)  # deviations of the noise by which points lie off a wall that is drawn anew: less draws steps that hardly show
 
 
 def trace_turned_outlines(points: np.ndarray, axes: np.ndarray, k: int, centers: Iterable[np.ndarray], sigma: float) -> Iterator[Primitive]:
