@@ -24,6 +24,9 @@ from imdim.program.tree import Primitive, Vec3
 AXIAL = ("cylinder", "cone", "torus")
 # Cosines of right angles carry errors of this size.
 EXACT = 1e-12
+# Cosine of five degrees: what stands nearly upright is tilted about x and y. About z it would spin by any angle, for a tilt of a hair, and
+# with it the facets of its mesh, which then lie across those of what stands upright beside it.
+UPRIGHT = math.cos(math.radians(5.0))
 # Degrees are kept to this many decimals, which turns a unit of length by less than 1e-11.
 DECIMALS = 9
 
@@ -54,7 +57,9 @@ def along_axis(primitive: Primitive, axis: np.ndarray) -> Primitive:
     flip = (z, x, -y) < (0.0, 0.0, 0.0)
     if flip:
         x, y, z = -x, -y, -z
-    if x == 0:
+    if z > UPRIGHT:
+        rotation = (math.degrees(math.asin(-y)), math.degrees(math.atan2(x, z)), 0.0)
+    elif x == 0:
         rotation = (math.degrees(math.atan2(-y, z)), 0.0, 0.0)
     else:
         side = math.copysign(1.0, x)
