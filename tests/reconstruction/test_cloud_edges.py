@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from tests.detection.test_edge_profile import seen, wedge_of
 
 from imdim.deadline import Deadline
+from imdim.detection.edge_profile import Profile
 from imdim.detection.noise import NoiseModel
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.solid import to_trimesh
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.tree import Combine, Primitive
+from imdim.reconstruction import cloud_edges
 from imdim.reconstruction.cloud_edges import find_cloud_edges
 from imdim.target.target import sample_surface
 
@@ -79,3 +82,12 @@ def test_too_few_points_and_too_little_time_are_told():
     late = found_in([RIM], deadline=Deadline(0.0, lambda: 1.0))
     assert not late.features
     assert "for lack of time" in late.left_out[0]
+
+
+def test_a_bevel_that_leaves_a_face_by_less_than_the_noise_is_a_face_that_slants():
+    """A wall that a program has upright where it leans became a bevel of 1.8 by 5.6, and took a fiftieth of the volume with it."""
+    for sizes, told in (((0.4, 2.0), 1), ((1.0, 2.5), 2)):
+        view = seen(Profile("chamfer", sizes), wedge_of(90.0), np.random.default_rng(3), 0.2, count=1500)
+        found = cloud_edges._read_kind(view, "chamfer")
+        assert found is not None
+        assert len(found[0].sizes) == told

@@ -56,6 +56,7 @@ EITHER = 3.0  # nats, by which a kind must be likelier than the other: odds of t
 LIKE = 0.01  # of a size, by which sizes of one feature may differ beside what is known of them
 ON = 3.0  # deviations of the noise within which a point lies on a blend
 UNEQUAL = 12.0  # nats, by which two distances must be likelier than one: where a program is off its points they are two anywhere
+SLANT = 3.0  # deviations of the noise, below which the smaller of two distances is that of a face which slants, or lies off its place
 RATIO_OF_TWO = 1.1  # between the distances of a bevel that are two
 SHARED = (0.5, 0.2, 0.06, 0.015, 0.003)  # of a size: the rows of sizes that all edges of a feature are tried with
 SAME, COARSEST = 1e-9, 1e-4  # of a program's largest number: what is on a grid, and the finest grid
@@ -224,12 +225,14 @@ def _along(edge: BlendedEdge, points: np.ndarray, inset: float) -> tuple[np.ndar
 
 
 def _read_kind(seen: SeenEdge, kind: EdgeKind) -> tuple[Profile, float] | None:
-    """The likeliest blend of a kind that the points follow; a bevel of two distances only where these are worth another number."""
+    """The likeliest blend of a kind that the points follow; a bevel of two distances only where these are worth another number, and neither
+    is within the noise."""
     best = seen.likeliest(kind)
     if best is not None and kind == "chamfer" and best[1] + EITHER < seen.sharp:
         other = seen.unequal(best[0])
         worth = 0.5 * math.log(len(seen.points)) + UNEQUAL
-        if max(other[0].sizes) > RATIO_OF_TWO * min(other[0].sizes) and other[1] + worth < best[1]:
+        small, large = sorted(other[0].sizes)
+        if large > RATIO_OF_TWO * small and small > SLANT * seen.sigma and other[1] + worth < best[1]:
             best = other
     return best if best is not None and _is_followed(seen, best[0]) else None
 
