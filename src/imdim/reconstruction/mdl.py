@@ -47,7 +47,7 @@ QUICK_POINTS = 4096
 LINEAGES = 2  # programs of a policy that are searched from
 ASK_S = 2.0  # what asking takes of the processor
 MOST_ASKED = 6  # times that a policy is asked for more
-MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
+MOST_DRAWN, OF_EACH = 16, 3  # outlines that the points show, of which more than one may go through the same walls; and of each kind
 SCANNED = 1000  # points of a scanned mesh
 COUNTED = 0.66  # of these
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
@@ -234,9 +234,10 @@ class _NoisyCloud:
         return NoisyFit(program, constraints, cut or numbers_by.has_passed())
 
     def _best_drawn(self, found: Sequence[Primitive]) -> list[Primitive]:
-        """Without all but the MOST_DRAWN outlines that alone describe the points in the shortest way."""
+        """Without all but the MOST_DRAWN outlines that alone describe the points in the shortest way, and some of each kind."""
         drawn = [p for p in found if p.outline is not None]
-        kept = set(best_by_mdl(drawn, self._draws, self._noise, MOST_DRAWN)) if len(drawn) > MOST_DRAWN else set(drawn)
+        best = best_by_mdl(drawn, self._draws, self._noise, len(drawn)) if len(drawn) > MOST_DRAWN else drawn
+        kept = {*best[:MOST_DRAWN], *(p for kind in ("revolve", "extrude") for p in [q for q in best if q.kind == kind][:OF_EACH])}
         return [p for p in found if p.outline is None or p in kept]
 
     def _retraced(self, found: Sequence[Primitive], deadline: Deadline) -> Iterator[Primitive]:
