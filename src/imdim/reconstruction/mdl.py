@@ -81,6 +81,7 @@ BEGUN = EMConfig(rounds=8)
 CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)
 AHEAD = 2.0  # rounds like its last one that a search is given credit for
 SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
+HARDLY = 0.05  # nats per point by which the next best of several searches is longer, and goes on too
 SLOW = 0.01  # nats per point that a round wins where taking leaves out may win more
 
 
@@ -274,9 +275,8 @@ class _NoisyCloud:
         found = self._in_turn(begun[:most], first)
         end, deadline = deadline, _leave_time_to_deliver(found[0].best.program, deadline)
         offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
-        # where time has cut them, the longer of two may become the shorter yet
         copies = not self.trifle
-        heirs = [found[0], *(h for h in [min(found, key=lambda h: h.promised)] if h is not found[0] and first.has_passed())]
+        heirs = self._choose_heirs(found, first.has_passed())
         slow = SLOW if self.anew else 0.0
         going = [replace(h, rounds=self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
         going += [self._begin_with_copies(start, offered, deadline) for h in heirs if copies and (start := self._apart(h.best, deadline))]
@@ -293,6 +293,14 @@ class _NoisyCloud:
         left_out = most < len(begun) or (self.policy is not None and not has_time_for_beam(deadline))
         asked = cloud._ask(best, offered, deadline)
         return (cloud._rebuild_and_shorten(asked, offered, deadline) if self.anew and asked is not best else asked), left_out
+
+    @staticmethod
+    def _choose_heirs(found: Sequence[_Lineage], cut: bool) -> list[_Lineage]:
+        """Those of several searches, the shortest first, that go on: the shortest; the next one where it is hardly longer, since what the
+        others found may help it more; and the one that promised most where time has `cut` them."""
+        out = [found[0], *(h for h in found[1:2] if h.length < found[0].length + HARDLY)]
+        most = min(found, key=lambda h: h.promised)
+        return [*out, *([most] if cut and most not in out else [])]
 
     def _without_spare(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
         """The best without the leaves that are not worth their numbers, those first that seem worth the least: a search that time has cut
