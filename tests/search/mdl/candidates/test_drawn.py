@@ -130,7 +130,9 @@ def test_an_extruded_outline_is_drawn_anew_with_its_hole_and_corners_that_nothin
 def test_a_wall_that_bulges_by_a_few_deviations_of_the_noise_is_one_arc_or_drawn_plainly():
     """By Kasa's circle, of two thirds of its radius, no arc was cheaper than five lines."""
     bulging = Primitive("revolve", (360.0,), outline=Outline((((10, -15, 0.05), (10, 15, 0), (4, 15, 0), (4, -15, 0)),)))
-    finely, plainly = retrace(bulging, cloud(bulging, 0.15), 0.15)
+    finest, finely, plainly = retrace(bulging, cloud(bulging, 0.15), 0.15)
+    assert finest.outline is not None
+    assert finest.outline.curve_count >= 4
     for leaf, bent in ((finely, 0.05), (plainly, 0.0)):
         assert leaf.outline is not None
         longest = max(leaf.outline.rings[0], key=lambda v: abs(v[2]) if abs(v[2]) < 0.2 else 0.0)

@@ -26,6 +26,7 @@ BAND = 1.5  # deviations of the noise, within which a face has its points
 KEPT = 0.73  # of a normal distribution within one BAND more than twice what is in the next one on one side
 OUTERMOST = (0.01, 0.99)  # quantiles of coordinates, beyond which points may be strays
 OUT = 4.0  # deviations of the noise by which an open end leaves the part
+FEWEST = 8  # points of a floor
 MOST_DRAWINGS = 4
 MOST_HOLES = 24  # of one drawing
 ALIKE = 3.0  # deviations of the noise by which pockets differ that may be copies
@@ -61,13 +62,24 @@ def _cut_holes(same: Sequence[Primitive], cloud: Cloud) -> _Holed | None:
     if not 0 < len(holes) <= MOST_HOLES:
         return None
     heights = _Heights.of(same, cloud)
-    spans = [*heights.spans(OUT * cloud.noise)]
+    within = np.any([_Walls.of(hole, heights.points, cloud).within for hole in holes], axis=0)
+    spans = [*heights.spans(OUT * cloud.noise, _find_floor(heights.points[within], cloud.noise))]
     plain = [hole for hole in holes if hole.outline is None]
     best = [_most_borne(hole, [_in_place(p, hole) for p in plain] if hole.outline else [], spans, heights, cloud) for hole in holes]
     totals = np.maximum([worth for _, worth in best], 0.0).sum(0)
     span = int(np.argmax(totals))
     cuts = tuple(_between(hole, heights.axis, spans[span]) for hole, worth in best if worth[span] > 0)
     return _Holed(float(totals[span]), cuts, _find_block(same[0], heights, cloud)) if cuts else None
+
+
+def _find_floor(height: np.ndarray, sigma: float) -> list[float]:
+    """The height about which the most of those [n] of points in holes lie; none where there are few."""
+    if len(height) < FEWEST:
+        return []
+    ordered = np.sort(height)
+    low, high = (np.searchsorted(ordered, ordered + sign * BAND * sigma) for sign in (-1, 1))
+    densest = int(np.argmax(high - low))
+    return [float(ordered[low[densest] : high[densest]].mean())]
 
 
 def _most_borne(
@@ -117,10 +129,10 @@ class _Heights:
         levels = (tuple(m + sign * leaf.size[0] / 2 for m, leaf in zip(middles, same, strict=True)) for sign in (-1, 1))
         return _Heights(axis, points, (low, high), (next(levels), next(levels)))
 
-    def spans(self, beyond: float) -> Iterator[tuple[float, float]]:
-        """From each low level, and from `beyond` the cloud, to each high one."""
-        bottoms = dict.fromkeys([self.ends[0] - beyond, *self.levels[0]])
-        tops = dict.fromkeys([self.ends[1] + beyond, *self.levels[1]])
+    def spans(self, beyond: float, floors: Sequence[float] = ()) -> Iterator[tuple[float, float]]:
+        """From each low level or floor, and from `beyond` the cloud, to each high one or floor."""
+        bottoms = dict.fromkeys([self.ends[0] - beyond, *self.levels[0], *floors])
+        tops = dict.fromkeys([self.ends[1] + beyond, *self.levels[1], *floors])
         yield from ((bottom, top) for bottom in bottoms for top in tops if top > bottom)
 
 
