@@ -248,6 +248,16 @@ def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls
     assert cut[0].length == -1.0
 
 
+def test_the_shortest_search_goes_on_and_the_next_where_it_is_hardly_longer_and_what_promises_most_where_time_has_cut_them():
+    best, near, far = (mdl._Lineage(name, length, iter(())) for name, length in (("a", -5.0), ("b", -4.97), ("c", -4.0)))
+    best.promised, near.promised, far.promised = -5.0, -5.0, -9.0
+    assert mdl._NoisyCloud._choose_heirs([best, near, far], cut=False) == [best, near]
+    assert mdl._NoisyCloud._choose_heirs([best, near, far], cut=True) == [best, near, far]
+    assert mdl._NoisyCloud._choose_heirs([best, far], cut=False) == [best]
+    best.promised = -10.0
+    assert mdl._NoisyCloud._choose_heirs([best, far], cut=True) == [best]
+
+
 @pytest.mark.parametrize(("round_s", "most"), [(1.0, 10), (3.0, 3), (30.0, 2)])
 def test_as_many_searches_begin_as_have_time_for_rounds_like_the_second(round_s, most):
     """The first works out what all share."""

@@ -300,7 +300,7 @@ class _NoisyCloud:
         others found may help it more; and the one that promised most where time has `cut` them."""
         out = [found[0], *(h for h in found[1:2] if h.length < found[0].length + HARDLY)]
         most = min(found, key=lambda h: h.promised)
-        return [*out, *([most] if cut and most not in out else [])]
+        return [*out, *([most] if cut and all(most is not h for h in out) else [])]
 
     def _without_spare(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
         """The best without the leaves that are not worth their numbers, those first that seem worth the least: a search that time has cut
