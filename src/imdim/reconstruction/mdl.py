@@ -278,7 +278,7 @@ class _NoisyCloud:
         copies = not self.trifle
         heirs = self._choose_heirs(found, first.has_passed())
         slow = SLOW if self.anew else 0.0
-        going = [replace(h, rounds=self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
+        going = [_Lineage(h.best, h.length, self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
         going += [self._begin_with_copies(start, offered, deadline) for h in heirs if copies and (start := self._apart(h.best, deadline))]
         best = self._in_turn(going, deadline, slow)[0].best
         deadline = _leave_time_to_deliver(best.program, end)
