@@ -1,7 +1,6 @@
-"""Stretches along a direction over which a cloud is evenly dense: between them lie the flat faces across it, one or several that noise
-blurs into one. What the points of a stretch show from above are walls alone.
+"""Stretches along a direction over which a cloud is evenly dense: walls alone.
 
-The best piecewise constant density by a penalised Poisson likelihood, exactly, over all places where it may change (optimal partitioning,
+Between them lie the flat faces across the direction, one or several that noise blurs into one. The best piecewise constant density by a penalised Poisson likelihood, exactly, over all places where it may change (optimal partitioning,
 Jackson et al. 2005).
 """
 
