@@ -237,7 +237,8 @@ class _NoisyCloud:
     def _best_drawn(self, found: Sequence[Primitive]) -> list[Primitive]:
         """Without all but the MOST_DRAWN outlines that alone describe the points in the shortest way, and some of each kind."""
         drawn = [p for p in found if p.outline is not None]
-        best = best_by_mdl(drawn, self._draws, self._noise, len(drawn)) if len(drawn) > MOST_DRAWN else drawn
+        ranked = best_by_mdl(drawn, self._draws, self._noise, len(drawn)) if len(drawn) > MOST_DRAWN else drawn
+        best = [p for p in ranked if isinstance(p, Primitive)]
         kept = {*best[:MOST_DRAWN], *(p for kind in ("revolve", "extrude") for p in [q for q in best if q.kind == kind][:OF_EACH])}
         return [p for p in found if p.outline is None or p in kept]
 

@@ -1,7 +1,7 @@
 """Stretches along a direction over which a cloud is evenly dense: walls alone.
 
-Between them lie the flat faces across the direction, one or several that noise blurs into one. The best piecewise constant density by a penalised Poisson likelihood, exactly, over all places where it may change (optimal partitioning,
-Jackson et al. 2005).
+Between them lie the flat faces across the direction, one or several that noise blurs into one. The best piecewise constant density by a
+penalised Poisson likelihood, exactly, over all places where it may change (optimal partitioning, Jackson et al. 2005).
 """
 
 from __future__ import annotations
