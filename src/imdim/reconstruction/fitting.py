@@ -75,7 +75,11 @@ def _hold(program: Program, found: Sequence[Constraint], points: np.ndarray) -> 
     limit = (1 + RELATE_ERROR) * _mean_distance(program, points) + RELATE_MOVE * diagonal(points)
 
     def near(constraints: tuple[Constraint, ...]) -> bool:
-        return _mean_distance(hold_constraints(program, constraints)[0], points) <= limit
+        try:
+            held = hold_constraints(program, constraints)[0]
+        except ValueError:  # a part is left without extent
+            return False
+        return _mean_distance(held, points) <= limit
 
     return hold_constraints(program, accept_changes(tuple[Constraint, ...](), found, lambda taken, more: (*taken, more), near, HOLD_TRIES))
 
