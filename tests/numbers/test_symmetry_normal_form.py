@@ -124,3 +124,15 @@ def test_an_ellipsoid_of_revolution_has_no_spin(size, axis):
     assert canonical(turned).rotation == canonical(plain).rotation == (0.0, 0.0, 0.0)
     tilted = replace(turned, rotation=tuple(20.0 * (i == axis) for i in range(3)))
     assert same_solid(canonical(tilted), tilted)
+
+
+@pytest.mark.parametrize("tilt", [1e-10, 1e-4, 0.2, 4.0])
+@pytest.mark.parametrize("way", [10.0, 100.0, 200.0, 300.0])
+@pytest.mark.parametrize("kind", ["cylinder", "cone", "torus"])
+def test_what_stands_nearly_upright_hardly_turns(kind, way, tilt):
+    """A tilt of a hair came with a turn about z of any angle, -71.3 degrees for one."""
+    tilted = sized(kind, (0.1, -0.2, 0.3), (0.0, tilt, way))
+    found = canonical(tilted)
+    assert same_solid(found, tilted)
+    assert found.rotation[2] == 0.0
+    assert max(map(abs, found.rotation)) <= tilt + 1e-9

@@ -20,7 +20,7 @@ from imdim.numbers.likelihood import Noise
 from imdim.program.cost import count
 from imdim.program.outline import Outline, circle, rectangle
 from imdim.program.tree import Primitive, combine_all, leaves
-from imdim.reconstruction import mdl, methods
+from imdim.reconstruction import delivery_time, mdl, methods
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
@@ -220,7 +220,7 @@ def test_what_a_search_in_less_noise_comes_to_is_kept_where_there_is_no_less():
     noisy = mdl._NoisyCloud.of(cloud(truth, 0.006, n=2500), 0.45, np.eye(3), drawn=False)
     half = mdl._fit(box(60, 40, 8), noisy.quick, noisy._noise, NEVER)
     found, calmer = noisy._in_less_noise(half, [*leaves(truth)], NEVER)
-    assert count(mdl.reduce_program(noisy._without_spare(found, NEVER).program)).primitives == 2
+    assert count(found.program).primitives == 2
     assert noisy._length(found) < noisy._length(half) - 0.1
     assert not calmer
 
@@ -462,10 +462,14 @@ def test_relations_are_judged_by_the_samples_that_judge_the_fit_without_them():
 
 def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypatch):
     now = Deadline(20.0, lambda: 5.0)
-    for solid_s, left in ((0.01, 15.0), (0.3, 15.0 - (mdl.SOLIDS * 0.3 + mdl.LEAF_S - mdl.ALLOWED_S)), (3.0, 0.0)):
-        monkeypatch.setattr(mdl, "time_solid", lambda _, clock, took=solid_s: took)
-        assert mdl._leave_time_to_deliver(box(1, 1, 1), now).left() == pytest.approx(left)
-    assert mdl._leave_time_to_deliver(box(1, 1, 1), NEVER).left() == math.inf
+    for solid_s, left in (
+        (0.01, 15.0),
+        (0.3, 15.0 - (delivery_time.SOLIDS * 0.3 + delivery_time.LEAF_S - delivery_time.ALLOWED_S)),
+        (3.0, 0.0),
+    ):
+        monkeypatch.setattr(delivery_time, "time_solid", lambda _, clock, took=solid_s: took)
+        assert delivery_time.leave_time_to_deliver(box(1, 1, 1), now).left() == pytest.approx(left)
+    assert delivery_time.leave_time_to_deliver(box(1, 1, 1), NEVER).left() == math.inf
 
 
 def test_a_search_that_time_has_cut_leaves_nothing_spare():

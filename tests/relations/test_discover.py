@@ -213,6 +213,18 @@ def test_what_rounding_broke_is_held_again():
     assert constraints == (equal, already)
 
 
+def test_a_thin_plate_is_not_rounded_to_nothing():
+    """A tenth of a millimetre that gives way to a face is a number with one decimal, of which none was left."""
+    plate = box(6.0, 6.0, 0.1, (0.0, 0.0, 1.0))
+    flush = Constraint("coplanar", (Ref(1, "-z"), Ref(0, "+z")))
+    program, held = hold_constraints(union(box(4.86, 11.51, 8.3, (1.3, -0.9, -2.7)), plate), [flush])
+    assert held == (flush,)
+    assert 0 < [*leaves(program)][1].size[2] < 0.1
+    both = Constraint("coplanar", (Ref(1, "+z"), Ref(0, "+z")))
+    with pytest.raises(ValueError, match="positive sz"):
+        hold_constraints(union(box(10, 9, 10, (-2.5, -0.88, 0.12)), box(6, 6, 0.04, (0.0, 0.0, 5.0))), [flush, both])
+
+
 @pytest.mark.parametrize("widths", [(8.65, 8.651, 8.651), (8.652, 8.651, 8.651), (8.652, 8.65, 8.651)])
 def test_round_numbers_that_give_way_meet_at_a_round_place(widths):
     """Three tabs of one width, which rounding has left a thousandth apart: their mean is no number that anyone typed."""

@@ -77,7 +77,7 @@ def _hold(program: Program, found: Sequence[Constraint], points: np.ndarray) -> 
     def near(constraints: tuple[Constraint, ...]) -> bool:
         try:
             held = hold_constraints(program, constraints)[0]
-        except ValueError:  # a part is left without extent
+        except ValueError:  # a part would be left without extent: they contradict what is there
             return False
         return _mean_distance(held, points) <= limit
 

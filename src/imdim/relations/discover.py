@@ -147,7 +147,9 @@ def _hold_roundly(start: Lowered, constraints: Sequence[Constraint], length: flo
     for least in range(_most_digits(length) + 1):
         sizes, centers = (_round_to(v, np.maximum(d, least)) for v, d in zip((held.sizes, held.centers), digits, strict=True))
         tried.append(onto(replace(held, sizes=sizes, centers=centers), constraints, length, metric))
-    return max(tried, key=lambda numbers: _count_round(numbers, length))
+    # nothing is rounder than any size
+    there = [numbers for numbers in tried if (numbers.sizes[held.sizes > 0] > 0).all()]
+    return max(there, key=lambda numbers: _count_round(numbers, length))
 
 
 def _count_round(numbers: Lowered, length: float) -> int:
@@ -197,7 +199,9 @@ def _find_most_strained(numbers: Lowered, taken: Sequence[Constraint], cloud: We
 
 
 def hold_constraints(program: Program, constraints: Sequence[Constraint]) -> tuple[Program, tuple[Constraint, ...]]:
-    """The program moved onto the constraints by the shortest way, and those that then hold; numbers that none of them names stay."""
+    """The program moved onto the constraints by the shortest way, and those that then hold; numbers that none of them names stay.
+
+    Raises ValueError where that way leaves a part without extent: both faces of a thin plate in one plane."""
     start = lower(program)
     length = extent_of(start)
     metric = _firm_where_round(program, length)

@@ -1,0 +1,24 @@
+"""How long a noisy cloud's program takes to be delivered, which its search and its numbers must leave.
+
+Delivery makes its solid again and again, and writes its leaves and curves in every language: the seconds of a long program, or of one whose
+solid is slow to make, are not in the shares of a budget, which fit short ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from imdim.deadline import Deadline
+from imdim.geometry.solid import time_solid
+from imdim.program.cost import count
+from imdim.program.tree import Program
+
+SOLIDS, LEAF_S, CURVE_S = 30.0, 0.15, 0.03  # solids that are made, and seconds for each leaf and curve
+ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0  # seconds that the shares leave in any case before numbers are fitted, and from then on
+
+
+def leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float = ALLOWED_S) -> Deadline:
+    """The deadline, earlier by what delivering the program takes beyond what is allowed for."""
+    has = count(program)
+    takes_s = SOLIDS * time_solid(program, deadline.now) + LEAF_S * has.primitives + CURVE_S * has.curves
+    return replace(deadline, at=deadline.at - max(takes_s - allowed_s, 0.0))
