@@ -20,7 +20,7 @@ from imdim.numbers.measured_leaves import MeasuredLeaves
 from imdim.numbers.refine import RefineConfig, refine
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
-from imdim.program.constraints import Constraint
+from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.cost import count
 from imdim.program.tree import Program, leaves, map_leaves
 from imdim.reconstruction.observation import Observation
@@ -77,7 +77,7 @@ def _hold(program: Program, found: Sequence[Constraint], points: np.ndarray) -> 
     def near(constraints: tuple[Constraint, ...]) -> bool:
         try:
             held = hold_constraints(program, constraints)[0]
-        except ValueError:  # a part would be left without extent: they contradict what is there
+        except ConstraintError:
             return False
         return _mean_distance(held, points) <= limit
 

@@ -18,7 +18,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import Pose, extent_of
 from imdim.numbers.face_coordinates import lift_numbers
-from imdim.program.constraints import WORLD, Constraint
+from imdim.program.constraints import WORLD, Constraint, ConstraintError
 from imdim.program.roles import name_constraints
 from imdim.program.tree import Program, leaves
 from imdim.relations.belief import (
@@ -201,11 +201,15 @@ def _find_most_strained(numbers: Lowered, taken: Sequence[Constraint], cloud: We
 def hold_constraints(program: Program, constraints: Sequence[Constraint]) -> tuple[Program, tuple[Constraint, ...]]:
     """The program moved onto the constraints by the shortest way, and those that then hold; numbers that none of them names stay.
 
-    Raises ValueError where that way leaves a part without extent: both faces of a thin plate in one plane."""
+    Raises ConstraintError where that way leaves a part without extent, as both faces of a thin plate in one plane do.
+    """
     start = lower(program)
     length = extent_of(start)
     metric = _firm_where_round(program, length)
-    moved = lift_numbers(program, start, _keep_unmoved(start, _hold_roundly(start, constraints, length, metric), length))
+    held = _hold_roundly(start, constraints, length, metric)
+    if (gone := ((start.sizes > FLOOR * length) & (held.sizes < FLOOR * length)).any(1)).any():
+        raise ConstraintError(f"the relations leave part {int(gone.argmax())} without extent")
+    moved = lift_numbers(program, start, _keep_unmoved(start, held, length))
     return moved, holding(moved, constraints)
 
 
