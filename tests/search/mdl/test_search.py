@@ -24,6 +24,7 @@ from imdim.search.mdl.description_length import FEATURE, SKIN, description_lengt
 from imdim.search.mdl.local_search import own_moves, uses
 from imdim.search.mdl.moves import PAIRED, few_of_each, in_place_of, in_place_of_two, is_near, leave_twins, order_by_length
 from imdim.search.mdl.part_tables import PartTableCache, count_ends
+from imdim.search.mdl.primitive_selection import Cloud
 from imdim.search.mdl.search import best_by_mdl, shorten
 from imdim.search.mdl.silhouettes import outlines
 
@@ -336,6 +337,21 @@ def test_an_outline_that_a_search_begins_with_is_drawn_anew():
     assert isinstance(found, Primitive)
     assert found.outline is not None
     assert found.outline.curve_count <= 6
+
+
+def test_an_outline_is_drawn_anew_again_only_where_it_explains_other_points():
+    """A profile that was bent by the walls of pockets stayed so when these were found: it had not moved since it was tried."""
+    bent = Primitive("revolve", (360.0,), outline=BENT_NOZZLE)
+    points = cloud(Primitive("revolve", (360.0,), outline=NOZZLE), n=3000, sigma=0.2)
+    changes = search._Changes(Cloud.of(points, 0.2), search.tables_of_subsample(points), (), np.eye(3), len(points), True)
+
+    def drawn(program):
+        likely = FittedProgram(program, Noise(0.2), 0.0, 0, 0.0, ())
+        return changes._retraced(likely, to_sequence(program, apart=True))
+
+    assert drawn(bent)
+    assert not drawn(bent)
+    assert drawn(cut(bent, box(60, 60, 30, (0.0, 0.0, 15.0))))
 
 
 def test_an_outline_takes_the_place_of_a_part_and_the_cut_that_rounds_it():
