@@ -13,7 +13,7 @@ from imdim.geometry.solid import time_solid
 from imdim.program.cost import count
 from imdim.program.tree import Program
 
-SOLIDS, LEAF_S, CURVE_S = 30.0, 0.15, 0.03  # solids that are made, and seconds for each leaf and curve
+SOLIDS, LEAF_S, CURVE_S = 40.0, 0.15, 0.03  # solids that are made, and seconds for each leaf and curve
 ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0  # seconds that the shares leave in any case before numbers are fitted, and from then on
 
 
