@@ -16,17 +16,16 @@ from imdim.geometry.axes import clearest_axes, find_shared_axes, main_axes
 from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import subsample
 from imdim.geometry.shadows import Shadows
-from imdim.geometry.solid import time_solid
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise, SurfaceSamples, negative_log_density
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.numbers.ties import tie_alike
 from imdim.program.constraints import Constraint
-from imdim.program.cost import count
 from imdim.program.paths import Path, leaf_paths, without
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.sequence import Step, to_program, to_sequence
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.reconstruction.delivery_time import ALLOWED_AFTER_S, leave_time_to_deliver
 from imdim.reconstruction.observation import Observation, UnitBody
 from imdim.reconstruction.policy_beam import PolicyOf, beam_programs, has_time_for_beam, next_parts, proposals
 from imdim.relations.discover import discover
@@ -68,8 +67,6 @@ DOUBTED = 10.0  # times as likely as others
 TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 NUMBERS_SHARE = 0.85  # of the time in which numbers are fitted: the relations among them need the rest
-SOLIDS, LEAF_S, CURVE_S = 30.0, 0.15, 0.03  # solids that delivery makes, and seconds that it takes for each leaf and curve
-ALLOWED_S, ALLOWED_FIT_S = 1.5, 5.0  # of these that are allowed for before numbers are fitted, and after
 SPARE_SHARE = 0.5  # of the time in which numbers are fitted, for leaves that are not worth theirs
 SPARE = 5e-4  # nats per point that a leaf is worth at least: the samples leave more in doubt
 KEPT = 3  # leaves in a row that are worth their numbers, by how little they seem to be, after which the others are
@@ -226,7 +223,7 @@ class _NoisyCloud:
         candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
         best, left_out = self._search(programs, candidates, choose_by)
         cut = shown.cut or left_out or choose_by.has_passed()
-        fit_by = _leave_time_to_deliver(best.program, fit_by, ALLOWED_FIT_S)
+        fit_by = leave_time_to_deliver(best.program, fit_by, ALLOWED_AFTER_S)
         points = subsample(self.points, MOST_POINTS)
         best = best if self.trifle else self._without_spare(best, fit_by.ahead(SPARE_SHARE * fit_by.left()))
         shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
@@ -274,7 +271,7 @@ class _NoisyCloud:
         left = first.left()
         most = _count_with_time(left, begun[0].time_round(first))
         found = self._in_turn(begun[:most], first)
-        end, deadline = deadline, _leave_time_to_deliver(found[0].best.program, deadline)
+        end, deadline = deadline, leave_time_to_deliver(found[0].best.program, deadline)
         offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
         copies = not self.trifle
         heirs = self._choose_heirs(found, first.has_passed())
@@ -282,7 +279,7 @@ class _NoisyCloud:
         going = [_Lineage(h.best, h.length, self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
         going += [self._begin_with_copies(start, offered, deadline) for h in heirs if copies and (start := self._apart(h.best, deadline))]
         best = self._in_turn(going, deadline, slow)[0].best
-        deadline = _leave_time_to_deliver(best.program, end)
+        deadline = leave_time_to_deliver(best.program, end)
         # the deviations of a real thing are no noise that the points could tell
         less = best.noise.sigma / BLURRED_SKINS
         hidden = not self.trifle and (best.skin > SKINS or may_hide_skins(best.program, self.quick, best.noise.sigma))
@@ -508,13 +505,6 @@ class _Lineage:
 def _count_with_time(left: float, round_s: float) -> int:
     """How many searches have time for ROUNDS_EACH that take so long; two in any case, since what grows from one part may come to little."""
     return max(2, int(min(left / (ROUNDS_EACH * max(round_s, 1e-9)), MOST_LINEAGES)))
-
-
-def _leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float = ALLOWED_S) -> Deadline:
-    """The deadline, earlier by what delivering a program takes that is long or whose solid is slow to make: all else is allowed for."""
-    has = count(program)
-    takes_s = SOLIDS * time_solid(program, deadline.now) + LEAF_S * has.primitives + CURVE_S * has.curves
-    return replace(deadline, at=deadline.at - max(takes_s - allowed_s, 0.0))
 
 
 def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline, config: EMConfig = QUICK) -> FittedProgram:

@@ -39,6 +39,7 @@ from imdim.reconstruction.body_state import UNKNOWN, BodyState, put_teeth_on_sta
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside
 from imdim.reconstruction.config import Settings
+from imdim.reconstruction.delivery_time import ALLOWED_AFTER_S, leave_time_to_deliver
 from imdim.reconstruction.edge_features import SetAside, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import fit_numbers, snap_measured
 from imdim.reconstruction.hole_ends import complete_holes
@@ -158,7 +159,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         if found is None:
             last = replace(last, program=_arrange(_round(last.program, seen, frame, fit_by, work.own), fit_by))
         else:
-            fit_by = budget.part_of("measure", share)
+            fit_by = leave_time_to_deliver(last.program, budget.part_of("measure", share), ALLOWED_AFTER_S)
             measured = snap_measured(last.program, found, frame.to_world(seen.target.points), fit_by)
             last = replace(last, program=measured, found=found, noisy=True)
         # rounding may part what met; where time was short it is worth more than relations to open what should be open

@@ -115,7 +115,8 @@ def shorten(
         return [length_of(t.likely, stand_for or len(points)) for t in tried]
 
     start = _Trial(likely, (), (), ())
-    stages = FittingStage(fit(points[::FEWER], FIRST, told), TRIED + STEPPED + copies * COPIED), FittingStage(fit(points, REFIT), REFITTED)
+    tried = 1 + TRIED + STEPPED + copies * COPIED
+    stages = FittingStage(fit(points[::FEWER], FIRST, told), tried), FittingStage(fit(points, REFIT), 1 + REFITTED)
     best = start, lengths([start])[0]
     while changes.has_more_to_look_at() and not deadline.has_passed():
         for trial, length in improvements(best, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
@@ -254,8 +255,9 @@ class _Changes:
         return self._last.is_partial
 
     def promising(self, found: _Trial) -> list[_Trial]:
-        """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps.
+        """The program itself and changed ones, not fitted, the shortest description first; none of sequences of more than LONGEST steps.
 
+        The program competes with its changes, fitted as far as they are, so that none wins by what further fitting is worth alone.
         Parts that did little in the last look are left out of the next ones, until none of the others shortens it.
         """
         best = found.likely
@@ -297,7 +299,8 @@ class _Changes:
         # what is drawn anew may lie a little off everywhere: only fits tell its worth
         fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
         copied = self._copied(best, steps, mixture, (moves, explained)) if self.copies and self._has_time_for_copies() else []
-        return [*fitted, *copied, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
+        itself = self._trial(best, start, mixture.parts, start)
+        return [itself, *fitted, *copied, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
 
     def _copied(
         self, best: FittedProgram, steps: SignedSequence[Program], mixture: BatchedLikelihood, moves: tuple[Sequence[Choice], np.ndarray]
