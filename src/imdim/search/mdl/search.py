@@ -31,6 +31,7 @@ from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.candidates.blind_hole import blind_holes
 from imdim.search.mdl.candidates.copies import CopyPlaces
 from imdim.search.mdl.candidates.drawn import redraw, retrace
+from imdim.search.mdl.candidates.outline_step import step_lines
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
@@ -435,7 +436,8 @@ class _Changes:
         cloud, out = self.cloud, list[Program]()
         out += [*trim(part, cloud.points[own]), *alternatives(cloud.points[own], self.axes, cloud), *_taper(part)]
         out += [*stadiums(part, sigma), *redraw(part), *blind_holes(part, cloud.points, sigma)]
-        two = [*stepped(part, cloud.points[own], sigma)] if self.steps else []
+        own_points = cloud.points[own]
+        two = [*stepped(part, own_points, sigma), *step_lines(part, own_points, sigma)] if self.steps else []
         self._stepped.update(two)
         out += two
         if op == "difference":

@@ -161,19 +161,23 @@ def _plain_hole(loop: Loop) -> Loop:
 def retrace(leaf: Primitive, points: np.ndarray, sigma: float) -> Iterator[Primitive]:
     """The leaf with its outline drawn anew through the `points` [n, 3] that it explains: the cheapest row of curves along it, and that
     along walls which bulge by more than the noise. Where it was first traced, points of other faces lay beside its own."""
+    plane = in_plane(leaf, points, sigma)
+    if leaf.outline is None or len(plane) < FEWEST:
+        return
     turned = leaf.kind == "revolve"
-    if leaf.outline is None or (turned and leaf.size[0] != FULL_TURN):
-        return
-    local = (points - leaf.center) @ matrix_from_euler(leaf.rotation)
-    if turned:
-        plane = np.column_stack([np.hypot(local[:, 0], local[:, 1]), local[:, 2]])
-    else:
-        plane = local[np.abs(np.abs(local[:, 2]) - leaf.size[0] / 2) > BESIDE * sigma, :2]
-    if len(plane) < FEWEST:
-        return
     borders = [_walk(loop, sigma / 2) for loop in leaf.outline.loops]
     fitted = (fit_outline(borders, sigma, plane, by * sigma, turned) for by in BULGING)
     yield from (simplest(replace(leaf, outline=outline)) for outline in dict.fromkeys(fitted) if outline not in (None, leaf.outline))
+
+
+def in_plane(leaf: Primitive, points: np.ndarray, sigma: float) -> np.ndarray:
+    """Where the `points` [n, 3] of a drawn leaf lie in the plane of its outline [m, 2], without those of its end faces; none of a leaf that
+    is turned by less than all around, whose end faces lie in that plane."""
+    local = (points - leaf.center) @ matrix_from_euler(leaf.rotation)
+    if leaf.kind == "extrude":
+        return local[np.abs(np.abs(local[:, 2]) - leaf.size[0] / 2) > BESIDE * sigma, :2]
+    profile = np.column_stack([np.hypot(local[:, 0], local[:, 1]), local[:, 2]])
+    return profile[:0] if leaf.size[0] != FULL_TURN else profile
 
 
 def _walk(loop: Loop, step: float) -> np.ndarray:
