@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
+from tests.planted import PARTS, mesh_of
 
 from imdim.deadline import NEVER
 from imdim.detection.mesh_noise import DEVIATION, SHAKEN, measure_mesh_noise
@@ -13,7 +13,7 @@ from imdim.detection.mesh_surfaces import detect_patches
 from imdim.detection.noise import EXACT
 from imdim.program.cost import count
 from imdim.program.tree import leaves
-from imdim.reconstruction.mdl import reconstruct_scan, without_trifles
+from imdim.reconstruction.mdl import reconstruct_scan
 from imdim.reconstruction.observation import UnitBody
 from imdim.target.target import in_unit_frame, target_from
 
@@ -78,26 +78,3 @@ def test_a_shallow_dish_of_a_scanned_block_is_no_feature():
     assert told is not None
     (leaf,) = leaves(frame.undo(told.program))
     assert sorted(leaf.size) == pytest.approx([30, 40, 60], abs=0.4)
-
-
-@pytest.mark.parametrize(("depth", "kept"), [(0.29, False), (0.31, True), (3.0, True)])
-def test_what_moves_the_surface_less_than_real_things_do_is_a_trifle(depth, kept):
-    block = box(60, 40, 30)
-    dished = cut(block, cylinder(12, 2 * depth, (0, 0, 15)))
-    assert without_trifles(dished, 0.3) == (dished if kept else block)
-    raised = union(block, cylinder(12, 2 * depth, (0, 0, 15)))
-    assert without_trifles(raised, 0.3) == (raised if kept else block)
-
-
-def test_a_shallow_dish_that_runs_across_a_lip_is_a_trifle():
-    can = cut(cylinder(50, 138), cylinder(48, 4, (0, 0, -69)))
-    assert without_trifles(cut(can, cylinder(45, 5.2, (5, 0, -69))), 0.8) == can
-    assert without_trifles(union(can, cylinder(51, 6, (0, 0, 66))), 0.8) == union(can, cylinder(51, 6, (0, 0, 66)))
-
-
-def test_trifles_go_until_what_is_left_matters():
-    """Each of two rings in a stack may go, both may not."""
-    stack = union(cylinder(20, 10), cylinder(20.2, 12), cylinder(20.4, 14))
-    left = without_trifles(stack, 1.5)
-    assert count(left).primitives == 1
-    assert without_trifles(stack, 0.0) == stack

@@ -20,9 +20,10 @@ from imdim.numbers.likelihood import Noise
 from imdim.program.cost import count
 from imdim.program.outline import Outline, circle, rectangle
 from imdim.program.tree import Primitive, combine_all, leaves
-from imdim.reconstruction import delivery_time, mdl, methods
+from imdim.reconstruction import mdl, methods
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.config import Settings
+from imdim.reconstruction.likely_numbers import fit_numbers
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
 from imdim.reconstruction.observation import UnitBody, UnseenError, observe
 from imdim.reconstruction.pipeline import reconstruct
@@ -121,8 +122,8 @@ def test_the_search_starts_from_the_likeliest_program():
 
 def test_all_points_fit_the_numbers_and_weigh_them_even_where_time_is_out(monkeypatch):
     truth, fitted = box(40, 30, 8), []
-    kept = mdl._fit
-    monkeypatch.setattr(mdl, "_fit", lambda program, points, *rest: fitted.append(len(points)) or kept(program, points, *rest))
+    kept = mdl.fit_numbers
+    monkeypatch.setattr(mdl, "fit_numbers", lambda program, points, *rest: fitted.append(len(points)) or kept(program, points, *rest))
     told([truth], cloud(truth, n=6000), PASSED)
     assert fitted == [6000]
     assert mdl._NoisyCloud.of(cloud(truth, n=6000), 0.3, drawn=False)._count == 6000
@@ -166,7 +167,7 @@ def test_what_two_wrong_parts_explain_together_is_taken_out_and_looked_for_anew(
     plate, rib = box(60, 40, 4), box(60, 4, 18, (0.0, 8.0, 7.0))
     truth, wrong = union(plate, rib), union(union(plate, box(20, 6, 18, (-20.0, 8.0, 7.0))), box(20, 6, 18, (20.0, 8.0, 7.0)))
     noisy = mdl._NoisyCloud.of(cloud(truth, 0.004, n=1000), 0.29, np.eye(3), drawn=False)
-    start, best = (mdl._fit(program, noisy.quick, noisy._noise, NEVER) for program in (wrong, truth))
+    start, best = (fit_numbers(program, noisy.quick, noisy._noise, NEVER) for program in (wrong, truth))
     begun = []
 
     def add_a_rib(likely, *asked):
@@ -184,7 +185,7 @@ def test_what_two_wrong_parts_explain_together_is_taken_out_and_looked_for_anew(
 
 def test_leaves_are_looked_for_anew_until_neither_that_nor_a_single_change_shortens(monkeypatch):
     noisy = mdl._NoisyCloud.of(cloud(box(60, 40, 4), 0.004, n=1000), 0.29, np.eye(3), drawn=False)
-    start = mdl._fit(box(60, 40, 4), noisy.quick, noisy._noise, NEVER)
+    start = fit_numbers(box(60, 40, 4), noisy.quick, noisy._noise, NEVER)
     better, best = replace(start, nll=start.nll - 1), replace(start, nll=start.nll - 2)
     rebuilt, shortened = [], {start.nll: [better], better.nll: [], best.nll: []}
 
@@ -204,75 +205,25 @@ def test_skins_that_were_taken_for_one_are_told_apart_in_less_noise():
     frame = cut(union(box(54, 80, 16), box(59.4, 85.4, 2.7, (0.0, 0.0, -6.65))), box(48.6, 74.6, 40))
     points = cloud(frame, 1.0 / np.linalg.norm((59.4, 85.4, 16.0)), n=6000)
     noisy = mdl._NoisyCloud.of(points, 1.43, np.eye(3), drawn=False)
-    wrong = mdl._fit(cut(box(56, 82, 15.4), box(49.4, 75, 40)), noisy.quick, noisy._noise, NEVER)
+    wrong = fit_numbers(cut(box(56, 82, 15.4), box(49.4, 75, 40)), noisy.quick, noisy._noise, NEVER)
     assert wrong.noise.sigma > 1.3
     found, calmer = noisy._in_less_noise(wrong, [], NEVER)
     assert calmer
     assert found.noise.sigma < 1.2
     assert noisy._length(found) < noisy._length(wrong) - 0.03
     block = mdl._NoisyCloud.of(cloud(box(60, 40, 20), 0.006, n=2000), 0.45, np.eye(3), drawn=False)
-    told = mdl._fit(box(60, 40, 20), block.quick, block._noise, NEVER)
+    told = fit_numbers(box(60, 40, 20), block.quick, block._noise, NEVER)
     assert block._in_less_noise(told, [], NEVER) == (told, False)
 
 
 def test_what_a_search_in_less_noise_comes_to_is_kept_where_there_is_no_less():
     truth = union(box(60, 40, 8), box(20, 40, 20, (-20.0, 0.0, 10.0)))
     noisy = mdl._NoisyCloud.of(cloud(truth, 0.006, n=2500), 0.45, np.eye(3), drawn=False)
-    half = mdl._fit(box(60, 40, 8), noisy.quick, noisy._noise, NEVER)
+    half = fit_numbers(box(60, 40, 8), noisy.quick, noisy._noise, NEVER)
     found, calmer = noisy._in_less_noise(half, [*leaves(truth)], NEVER)
     assert count(found.program).primitives == 2
     assert noisy._length(found) < noisy._length(half) - 0.1
     assert not calmer
-
-
-def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls_behind_is_given_up():
-    told_of = []
-
-    def lineage(name, *lengths):
-        def rounds():
-            for length in lengths[1:]:
-                told_of.append(name)
-                yield name, length
-
-        return mdl._Lineage(name, lengths[0], rounds())
-
-    # what has had no round promises as much as any has won: b -8, c -12.99; in the end b is at -5.3, and another round of c promises -5.005
-    lineages = [lineage("a", -1.0, -5.0, -5.2), lineage("b", 0.0, -4.0, -5.1, -5.3), lineage("c", -4.99, -4.995, -9.0)]
-    assert [found.best for found in mdl._NoisyCloud._in_turn(lineages)] == ["b", "a", "c"]
-    assert told_of == ["a", "a", "c", "b", "b", "b"]
-    # what wins little in a round is left where it is
-    slow = [lineage("d", -1.0, -5.0, -5.004, -9.0)]
-    assert mdl._NoisyCloud._in_turn(slow, slow=0.01)[0].length == -5.004
-    cut = [lineage("a", -1.0, -5.0, -5.2), lineage("b", 0.0, -4.0, -5.1)]
-    assert mdl._NoisyCloud._in_turn(cut, PASSED)[0].best == "a"
-    assert cut[0].length == -1.0
-
-
-def test_the_shortest_search_goes_on_and_the_next_where_it_is_hardly_longer_and_what_promises_most_where_time_has_cut_them():
-    best, near, far = (mdl._Lineage(name, length, iter(())) for name, length in (("a", -5.0), ("b", -4.97), ("c", -4.0)))
-    best.promised, near.promised, far.promised = -5.0, -5.0, -9.0
-    assert mdl._NoisyCloud._choose_heirs([best, near, far], cut=False) == [best, near]
-    assert mdl._NoisyCloud._choose_heirs([best, near, far], cut=True) == [best, near, far]
-    assert mdl._NoisyCloud._choose_heirs([best, far], cut=False) == [best]
-    best.promised = -10.0
-    assert mdl._NoisyCloud._choose_heirs([best, far], cut=True) == [best]
-
-
-@pytest.mark.parametrize(("round_s", "most"), [(1.0, 10), (3.0, 3), (30.0, 2)])
-def test_as_many_searches_begin_as_have_time_for_rounds_like_the_second(round_s, most):
-    """The first works out what all share."""
-    now = [0.0]
-
-    def rounds():
-        for spent, length in ((9.0, -1.0), (round_s, -2.0), (100.0, -3.0)):
-            now[0] += spent
-            yield "found", length
-
-    lineage = mdl._Lineage("start", 0.0, rounds())
-    assert lineage.time_round(Deadline(20.0, lambda: now[0])) == round_s
-    assert lineage.length == -2.0
-    assert mdl._count_with_time(20.0, round_s) == most
-    assert mdl._count_with_time(math.inf, round_s) > 7
 
 
 @pytest.mark.parametrize(("most", "left_s", "left_out"), [(1, math.inf, True), (2, math.inf, False), (2, 5.0, True)])
@@ -280,7 +231,7 @@ def test_a_policy_is_loaded_last_and_only_where_there_is_time_for_it_and_what_is
     truth, asked = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), []
     monkeypatch.setattr(mdl, "may_hide_skins", lambda *_: True)
     monkeypatch.setattr(mdl, "shorten", lambda *_, **__: asked.append("search") or iter(()))
-    monkeypatch.setattr(mdl, "_count_with_time", lambda *_: most)
+    monkeypatch.setattr(mdl, "count_with_time", lambda *_: most)
     monkeypatch.setattr(mdl, "beam_programs", lambda *_: asked.append("beam") or [truth, box(40, 30, 8)])
     monkeypatch.setattr(mdl, "next_parts", lambda *_: [])
     noisy = replace(
@@ -306,7 +257,7 @@ def test_where_time_cuts_the_first_searches_the_most_promising_goes_on_beside_th
         return lineages
 
     monkeypatch.setattr(mdl, "shorten", lambda *_, **__: iter(()))
-    monkeypatch.setattr(mdl._NoisyCloud, "_in_turn", staticmethod(in_turn))
+    monkeypatch.setattr(mdl, "run_in_turn", in_turn)
     noisy = mdl._NoisyCloud.of(cloud(truth), 0.3, np.eye(3), drawn=False)
     noisy._search([truth], [*leaves(truth)], Deadline(10.0, lambda: now[0]))
     assert calls[1] == going_on
@@ -447,31 +398,6 @@ def test_only_a_cloud_whose_neighbours_are_nearer_than_its_noise_is_thinned():
     assert UnitBody.of(solid, rng).noise is EXACT
 
 
-def test_relations_are_judged_by_the_samples_that_judge_the_fit_without_them():
-    """The likelihood of the best of many rounds is that of its samples too: coaxial cylinders were left apart by less than these differ."""
-    truth = cut(cylinder(15, 8), cylinder(12, 20))
-    apart = cut(cylinder(15, 8), cylinder(12, 20, (0.02, 0.01, 0.0)))
-    points = cloud(truth, 0.004)
-    likely = mdl.maximise_likelihood(apart, points, Noise(0.15))
-    for flattered in (likely, replace(likely, nll=likely.nll - 0.01)):
-        assert "coaxial" in [c.kind for c in mdl._hold_relations(flattered, points, NEVER)[1]]
-    # the search's last round may have ended late
-    late = Deadline(0.0, lambda: 1.0)
-    assert "coaxial" in [c.kind for c in mdl._hold_relations(likely, points, late)[1]]
-
-
-def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypatch):
-    now = Deadline(20.0, lambda: 5.0)
-    for solid_s, left in (
-        (0.01, 15.0),
-        (0.3, 15.0 - (delivery_time.SOLIDS * 0.3 + delivery_time.LEAF_S - delivery_time.ALLOWED_S)),
-        (3.0, 0.0),
-    ):
-        monkeypatch.setattr(delivery_time, "time_solid", lambda _, clock, took=solid_s: took)
-        assert delivery_time.leave_time_to_deliver(box(1, 1, 1), now).left() == pytest.approx(left)
-    assert delivery_time.leave_time_to_deliver(box(1, 1, 1), NEVER).left() == math.inf
-
-
 def test_a_search_that_time_has_cut_leaves_nothing_spare():
     """Two cuts that do one work, each almost in the other, are no longer told after it."""
     truth = cut(box(40, 30, 20), cylinder(6, 30))
@@ -491,13 +417,13 @@ def test_copies_that_hardly_differ_become_alike_where_that_is_shorter():
     truth = cut(box(60, 24, 6), union(*holes))
     noisy = mdl._NoisyCloud.of(cloud(truth, 0.004, n=2000), 0.26, np.eye(3), drawn=False)
     apart = cut(box(60, 24, 6), union(*(replace(h, size=(4 + 0.1 * k, 20.0)) for k, h in enumerate(holes))))
-    best = mdl._fit(apart, noisy.quick, noisy._noise, NEVER)
+    best = fit_numbers(apart, noisy.quick, noisy._noise, NEVER)
     tied = noisy._tie(best, NEVER)
     assert len({round(p.size[0], 6) for p in leaves(tied.program) if p.kind == "cylinder"}) == 1
     assert noisy._length(tied) < noisy._length(best)
     other = cut(box(60, 24, 6), union(cylinder(6, 20, (-20.0, 0.0, 0.0)), cylinder(3, 20, (20.0, 0.0, 0.0))))
     far = mdl._NoisyCloud.of(cloud(other, 0.004, n=2000), 0.26, np.eye(3), drawn=False)
-    fitted = mdl._fit(other, far.quick, far._noise, NEVER)
+    fitted = fit_numbers(other, far.quick, far._noise, NEVER)
     assert far._tie(fitted, NEVER) is fitted
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,35 +12,32 @@ from imdim.deadline import NEVER, Deadline
 from imdim.detection.mesh_noise import DEVIATION
 from imdim.geometry import kernels
 from imdim.geometry.axes import clearest_axes, find_shared_axes, main_axes
-from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import subsample
 from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
-from imdim.numbers.likelihood import Noise, SurfaceSamples, negative_log_density
-from imdim.numbers.symmetry_normal_form import canonical
+from imdim.numbers.likelihood import Noise
 from imdim.numbers.ties import tie_alike
-from imdim.program.constraints import Constraint
-from imdim.program.paths import Path, leaf_paths, without
+from imdim.program.paths import leaf_paths, without
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.sequence import Step, to_program, to_sequence
-from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.delivery_time import ALLOWED_AFTER_S, leave_time_to_deliver
+from imdim.reconstruction.likely_numbers import CAREFUL, MOST_POINTS, NUMBERS_SHARE, SAME, NoisyFit, fit_numbers, hold_relations
 from imdim.reconstruction.observation import Observation, UnitBody
 from imdim.reconstruction.policy_beam import PolicyOf, beam_programs, has_time_for_beam, next_parts, proposals
-from imdim.relations.discover import discover
-from imdim.relations.residuals import rows_of
+from imdim.reconstruction.trifles import without_trifles
 from imdim.search.mdl.blurred_skins import may_hide_skins
 from imdim.search.mdl.candidates.drawn import retrace, take_holes_apart, take_loops_apart
 from imdim.search.mdl.candidates.pockets import pockets
 from imdim.search.mdl.candidates.shell_slot import compounds
 from imdim.search.mdl.description_length import PARALLEL_DEG, length_of
+from imdim.search.mdl.lineages import Lineage, choose_heirs, count_with_time, run_in_turn
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 from imdim.search.mdl.search import FEWER, FIRST, OWN, REFIT, best_by_mdl, shorten, tables_of_subsample
 from imdim.search.mdl.silhouettes import outlines
 from imdim.target.target import sample_surface
 
-MOST_POINTS = 8192
 QUICK_POINTS = 4096
 LINEAGES = 2  # programs of a policy that are searched from
 ASK_S = 2.0  # what asking takes of the processor
@@ -54,8 +50,6 @@ BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are har
 SKINS = 0.3  # of a program's surface on walls thinner than the noise, from which there may be less noise
 FALLEN = 0.85  # of the noise that was told is left where it was skins
 DRAW_SHARE = 0.35  # of the time, for what the points show before a search begins
-MOST_LINEAGES = 16  # searches that begin: more than there ever are
-ROUNDS_EACH = 2  # that there is time for in each of several searches: fewer begin where there is not
 FIRST_SHARE = 0.4  # of the time, for searches that begin with little
 REBUILT, MOST_REBUILT = 8, 60  # times in a row that leaves are taken out in vain, and times at all
 MOST_TAKEN = 3  # leaves at once
@@ -64,32 +58,12 @@ NEAR_COPIES = (1.0, 0.5)  # deviations of the noise by which the shapes of leave
 SEED = 0  # of which: the same cloud is always searched alike
 ASTRAY = (2.0, 8.0)  # deviations of the noise between which a point is explained badly and no stray
 DOUBTED = 10.0  # times as likely as others
-TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
-NUMBERS_SHARE = 0.85  # of the time in which numbers are fitted: the relations among them need the rest
 SPARE_SHARE = 0.5  # of the time in which numbers are fitted, for leaves that are not worth theirs
 SPARE = 5e-4  # nats per point that a leaf is worth at least: the samples leave more in doubt
 KEPT = 3  # leaves in a row that are worth their numbers, by how little they seem to be, after which the others are
-HELD_S = 0.5  # that there are for relations in any case
-TOLD = 4  # rounds that tell whether ends are better let through
-QUICK = EMConfig()
 BEGUN = EMConfig(rounds=8)
-# walls that blur thin or thicken slowly, as the noise grows or falls
-CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)
-AHEAD = 2.0  # rounds like its last one that a search is given credit for
-SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
-HARDLY = 0.05  # nats per point by which the next best of several searches is longer, and goes on too
 SLOW = 0.01  # nats per point that a round wins where taking leaves out may win more
-
-
-@dataclass(frozen=True)
-class NoisyFit:
-    """The program that tells a noisy cloud, with the relations that the points support; whether time has `cut` the search for it, or the
-    fit of its numbers."""
-
-    program: Program
-    constraints: tuple[Constraint, ...]
-    cut: bool
 
 
 def reconstruct_unlabelled(
@@ -157,15 +131,6 @@ def most_likely(
     return replace(cloud, policy=policy, anew=anew).find_shortest(programs, choose_by, fit_by)
 
 
-def settle_together(program: Program, points: np.ndarray, sigma: float, deadline: Deadline) -> NoisyFit:
-    """A program with the numbers that make `points` [n, 3] most likely, whose noise has the deviation `sigma`, and with the relations that
-    they support: those between bodies that were found apart, too."""
-    some = subsample(points, MOST_POINTS)
-    numbers_by = deadline.ahead(NUMBERS_SHARE * deadline.left())
-    program, constraints = _hold_relations(_fit(program, some, Noise(sigma), numbers_by, CAREFUL), some, deadline)
-    return NoisyFit(program, constraints, numbers_by.has_passed())
-
-
 @dataclass(frozen=True)
 class _NoisyCloud:
     """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]; outlines if `drawn`. What moves
@@ -228,7 +193,7 @@ class _NoisyCloud:
         best = best if self.trifle else self._without_spare(best, fit_by.ahead(SPARE_SHARE * fit_by.left()))
         shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
         numbers_by = fit_by.ahead(NUMBERS_SHARE * fit_by.left())
-        program, constraints = _hold_relations(_fit(shorter, points, best.noise, numbers_by, CAREFUL), points, fit_by)
+        program, constraints = hold_relations(fit_numbers(shorter, points, best.noise, numbers_by, CAREFUL), points, fit_by)
         return NoisyFit(program, constraints, cut or numbers_by.has_passed())
 
     def _best_drawn(self, found: Sequence[Primitive]) -> list[Primitive]:
@@ -269,16 +234,16 @@ class _NoisyCloud:
         first = deadline.ahead(FIRST_SHARE * deadline.left())
         begun = [self._lineage(s, offered, first) for s, offered in starts]
         left = first.left()
-        most = _count_with_time(left, begun[0].time_round(first))
-        found = self._in_turn(begun[:most], first)
+        most = count_with_time(left, begun[0].time_round(first))
+        found = run_in_turn(begun[:most], first)
         end, deadline = deadline, leave_time_to_deliver(found[0].best.program, deadline)
         offered = [*candidates, *(leaf for other in found[1:] for leaf in leaves(other.best.program))]
         copies = not self.trifle
-        heirs = self._choose_heirs(found, first.has_passed())
+        heirs = choose_heirs(found, first.has_passed())
         slow = SLOW if self.anew else 0.0
-        going = [_Lineage(h.best, h.length, self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
+        going = [Lineage(h.best, h.length, self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
         going += [self._begin_with_copies(start, offered, deadline) for h in heirs if copies and (start := self._apart(h.best, deadline))]
-        best = self._in_turn(going, deadline, slow)[0].best
+        best = run_in_turn(going, deadline, slow)[0].best
         deadline = leave_time_to_deliver(best.program, end)
         # the deviations of a real thing are no noise that the points could tell
         less = best.noise.sigma / BLURRED_SKINS
@@ -291,14 +256,6 @@ class _NoisyCloud:
         left_out = most < len(begun) or (self.policy is not None and not has_time_for_beam(deadline))
         asked = cloud._ask(best, offered, deadline)
         return (cloud._rebuild_and_shorten(asked, offered, deadline) if self.anew and asked is not best else asked), left_out
-
-    @staticmethod
-    def _choose_heirs(found: Sequence[_Lineage], cut: bool) -> list[_Lineage]:
-        """Those of several searches, the shortest first, that go on: the shortest; the next one where it is hardly longer, since what the
-        others found may help it more; and the one that promised most where time has `cut` them."""
-        out = [found[0], *(h for h in found[1:2] if h.length < found[0].length + HARDLY)]
-        most = min(found, key=lambda h: h.promised)
-        return [*out, *([most] if cut and all(most is not h for h in out) else [])]
 
     def _without_spare(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
         """The best without the leaves that are not worth their numbers, those first that seem worth the least: a search that time has cut
@@ -327,7 +284,7 @@ class _NoisyCloud:
         noise = replace(best.noise, sigma=best.noise.sigma / BLURRED_SKINS)
         start = maximise_likelihood(best.program, self.quick, noise, REFIT, deadline)
         rounds = replace(self, sigma=noise.sigma)._shorten(start, offered, deadline)
-        lineage = _Lineage(start, self._length(start), rounds)
+        lineage = Lineage(start, self._length(start), rounds)
         length, calm = self._length(best), FALLEN * best.noise.sigma
         while lineage.advance() and lineage.promised < length and (lineage.won > SLOW or lineage.best.noise.sigma < calm):
             pass
@@ -339,7 +296,7 @@ class _NoisyCloud:
         tied = self._tie(best, deadline)
         starts = [tied if tied is not best else None, self._apart(best, deadline)]
         lineages = [self._begin_with_copies(start, offered, deadline) for start in starts if start]
-        found = min([best, *(lineage.best for lineage in self._in_turn(lineages, deadline))], key=self._length)
+        found = min([best, *(lineage.best for lineage in run_in_turn(lineages, deadline))], key=self._length)
         return self._tie(found, deadline)
 
     def _apart(self, best: FittedProgram, deadline: Deadline) -> FittedProgram | None:
@@ -347,8 +304,8 @@ class _NoisyCloud:
         apart = None if deadline.has_passed() else _with_holes_apart(best.program, best.noise.sigma)
         return self._tie(maximise_likelihood(apart, self.quick, best.noise, REFIT, deadline), deadline) if apart else None
 
-    def _begin_with_copies(self, start: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> _Lineage:
-        return _Lineage(start, self._length(start), self._shorten(start, offered, deadline, copies=True))
+    def _begin_with_copies(self, start: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> Lineage:
+        return Lineage(start, self._length(start), self._shorten(start, offered, deadline, copies=True))
 
     def _tie(self, best: FittedProgram, deadline: Deadline) -> FittedProgram:
         """The best with one shape for leaves whose shapes hardly differ, and with even places, as far as that makes it shorter."""
@@ -365,7 +322,7 @@ class _NoisyCloud:
         does: the last changes are as slow as any, and most of them are undone where what they mend was wrong."""
         while not deadline.has_passed():
             best = self._rebuild(best, offered, deadline)
-            last = _Lineage(best, self._length(best), self._shorten(best, offered, deadline))
+            last = Lineage(best, self._length(best), self._shorten(best, offered, deadline))
             if not last.advance():
                 break
             while last.advance():
@@ -387,7 +344,7 @@ class _NoisyCloud:
             taken.add(less)
             start = maximise_likelihood(less, self.quick, best.noise, REFIT, deadline)
             rounds = self._shorten(start, [*offered, *leaves(best.program)], deadline, filling=True)
-            lineage = _Lineage(start, self._length(start), rounds)
+            lineage = Lineage(start, self._length(start), rounds)
             while lineage.advance() and lineage.promised < length and (lineage.length > length - SAME or lineage.won > SLOW):
                 pass
             failed += 1
@@ -427,31 +384,14 @@ class _NoisyCloud:
                 best, length = lineage.best, lineage.length
         return best
 
-    @staticmethod
-    def _in_turn(lineages: list[_Lineage], deadline: Deadline = NEVER, slow: float = 0.0) -> list[_Lineage]:
-        """The lineages as far as they come, the shortest first. The next round is that of the one which promises the most by what it won in
-        its last, one that had none by the most that any has won in one, until none promises more than one has, or wins more in a round than
-        is `slow`."""
-        going = list(lineages)
-        while going and not deadline.has_passed():
-            largest = max(lineage.most_won for lineage in lineages)
-            for fresh in (lineage for lineage in going if largest and not lineage.most_won):
-                fresh.promised = fresh.length - AHEAD * largest
-            most = min(going, key=lambda lineage: lineage.promised)
-            if most.promised > min(lineage.length for lineage in lineages):
-                break
-            if not most.advance() or most.won < slow:
-                going.remove(most)
-        return sorted(lineages, key=lambda lineage: lineage.length)
-
     def _shorten(
         self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline, filling: bool = False, copies: bool = False
     ) -> Iterator[tuple[FittedProgram, float]]:
         how = self._draws, self._count, self.sigma, not self.trifle, filling, copies
         return shorten(start, self.quick, candidates, self.axes, deadline, *how)
 
-    def _lineage(self, start: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> _Lineage:
-        return _Lineage(start, self._length(start), self._shorten(start, offered, deadline))
+    def _lineage(self, start: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> Lineage:
+        return Lineage(start, self._length(start), self._shorten(start, offered, deadline))
 
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
@@ -461,62 +401,10 @@ class _NoisyCloud:
     def _start(self, programs: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted."""
         start = self._first(programs, deadline)
-        return start if deadline.has_passed() else _fit(start.program, self.quick, start.noise, deadline, BEGUN)
+        return start if deadline.has_passed() else fit_numbers(start.program, self.quick, start.noise, deadline, BEGUN)
 
     def _length(self, likely: FittedProgram) -> float:
         return length_of(likely, self._count)
-
-
-@dataclass
-class _Lineage:
-    """One of several searches: its `best` program so far, how long that takes, and the `rounds` that shorten it, with what is `promised`
-    of the next ones by what the last one `won`."""
-
-    best: FittedProgram
-    length: float
-    rounds: Iterator[tuple[FittedProgram, float]]
-    promised: float = -math.inf
-    won: float = math.inf
-    most_won: float = 0.0
-
-    def time_round(self, clock: Deadline) -> float:
-        """Have two rounds, and tell how many seconds of a deadline's clock the last one took: what all share is worked out in the first."""
-        took = 0.0
-        for _ in range(2):
-            begun = clock.now()
-            going = self.advance()
-            took = clock.now() - begun
-            if not going:
-                break
-        return took
-
-    def advance(self) -> bool:
-        """Have another round; whether that found anything."""
-        found = next(self.rounds, None)
-        if found is None:
-            self.promised = self.length
-            return False
-        self.won = self.length - found[1]
-        self.most_won = max(self.most_won, self.won)
-        (self.best, self.length), self.promised = found, found[1] - AHEAD * self.won
-        return True
-
-
-def _count_with_time(left: float, round_s: float) -> int:
-    """How many searches have time for ROUNDS_EACH that take so long; two in any case, since what grows from one part may come to little."""
-    return max(2, int(min(left / (ROUNDS_EACH * max(round_s, 1e-9)), MOST_LINEAGES)))
-
-
-def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline, config: EMConfig = QUICK) -> FittedProgram:
-    """The numbers that make the points most likely, with ends let through what they only just meet, unless a few rounds tell that this
-    hides what they show."""
-    begun, drawn = replace(config, rounds=min(TOLD, config.rounds)), replace(config, through=0.0)
-    through, as_drawn = (maximise_likelihood(program, points, noise, c, deadline) for c in (begun, replace(begun, through=0.0)))
-    likely = through if through.nll < as_drawn.nll + SAME else as_drawn
-    if deadline.has_passed() or config.rounds <= TOLD:
-        return likely
-    further = maximise_likelihood(likely.program, points, likely.noise, drawn, deadline)
-    return further if further.nll < likely.nll else likely
 
 
 def _with_holes_apart(program: Program, sigma: float) -> Program | None:
@@ -544,42 +432,3 @@ def _without_neighbours(program: Program, points: np.ndarray, sigma: float, rng:
     away = [abs(float(kernels.program_sdf(leaf, place)[0])) for leaf in leaves(program)]
     count = int(rng.integers(1, MOST_TAKEN + 1))
     return without(program, [paths[i] for i in np.argsort(away, kind="stable")[:count]])
-
-
-def without_trifles(program: Program, reach: float, deadline: Deadline = NEVER) -> Program:
-    """The program without the leaves that, all together, move hardly any of its surface by more than `reach`; those that move it least go
-    first, as far as time allows."""
-    gone: list[Path] = []
-    if reach:
-        moves = [(_move(program, [path], reach, deadline), path) for path, _ in leaf_paths(program)]
-        for moved, path in sorted(moves):
-            if moved <= reach and _move(program, [*gone, path], reach, deadline) <= reach:
-                gone.append(path)
-    return without(program, gone) or program
-
-
-def _move(program: Program, gone: list[Path], reach: float, deadline: Deadline) -> float:
-    """How far what a program has of its own, and what it has without the leaves that are `gone`, lies from the other's surface, but for a
-    TENTH of it; by even samples so dense that what reaches so far has some. Infinite where nothing is left, or no time."""
-    less = without(program, gone)
-    if less is None or deadline.has_passed():
-        return math.inf
-    farthest = 0.0
-    for one, other in ((program, less), (less, program)):
-        places = SurfaceSamples.of(one, reach / 4).points
-        far = np.abs(kernels.program_sdf(other, places)) if len(places) else np.array([math.inf])
-        own = far[far > reach / 20]
-        farthest = max(farthest, float(np.quantile(own, 1 - TENTH)) if len(own) else 0.0)
-    return farthest
-
-
-def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadline) -> tuple[Program, tuple[Constraint, ...]]:
-    """With the relations that the points support made exact, unless that makes the points less likely than as many numbers are worth. It is
-    quick, and worth more than the search's last round, which may have ended late: for HELD_S it goes on past the deadline."""
-    plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
-    found = discover(plain, points, deadline.later(deadline.ahead(HELD_S)))
-    # the best round of a fit is the best of its samples too: both are told by new ones
-    together, apart = (negative_log_density(p, points, likely.noise, CAREFUL.samples) for p in (found.program, plain))
-    held = np.linalg.matrix_rank(rows_of(found.constraints, lower(plain)).jacobian) if found.constraints else 0
-    worth = 0.5 * int(held) * math.log(len(points)) / len(points)
-    return (found.program, found.constraints) if together < apart + worth else (likely.program, ())

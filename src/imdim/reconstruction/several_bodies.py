@@ -75,7 +75,7 @@ def _by_noisy_body(target: Target, parts: Sequence[np.ndarray], work: Work) -> I
 
     Each has its share of the time until a program must be chosen, and of that its own stages.
     """
-    from imdim.reconstruction.mdl import settle_together
+    from imdim.reconstruction.likely_numbers import settle_together
 
     noise = MeasuredNoise(*measure_noise(target.points, np.random.default_rng(SEED)))
     done, sigma = list[BodyState](), noise.model.sigma

@@ -16,7 +16,7 @@ from operator import itemgetter
 import numpy as np
 
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Outline, Point, Ring, check_crossings, flatten_loop, ring_curves
+from imdim.program.outline import Loop, Outline, Point, Ring, check_crossings, flatten_loop, ring_curves
 from imdim.program.tree import Primitive
 from imdim.search.mdl.candidates.drawn import in_plane, simplest
 
@@ -36,21 +36,20 @@ def step_lines(leaf: Primitive, points: np.ndarray, sigma: float) -> Iterator[Pr
     `points` [n, 3] that it has better than the numbers of its corners cost; `sigma` is the deviation of their noise."""
     if leaf.outline is None or len(plane := in_plane(leaf, points, sigma)) < FEWEST:
         return
-    loops, options, nearest = leaf.outline.loops, list[tuple[float, Outline]](), _nearest_curves(leaf.outline, plane)
+    loops, options, nearest, first = leaf.outline.loops, list[tuple[float, tuple[Loop, ...]]](), _nearest_curves(leaf.outline, plane), 0
     for i, loop in enumerate(loops):
-        for k, (ax, ay, bx, by, bulge) in enumerate(() if isinstance(loop, Ellipse) else ring_curves(loop)):
-            own = plane[nearest == sum(len(other) for other in loops[:i] if not isinstance(other, Ellipse)) + k]
-            own = _clear_of_ends((ax, ay), (bx, by), own, sigma)
+        if isinstance(loop, Ellipse):
+            continue
+        for k, (ax, ay, bx, by, bulge) in enumerate(ring_curves(loop)):
+            own = _clear_of_ends((ax, ay), (bx, by), plane[nearest == first + k], sigma)
             if bulge or len(own) < FEWEST:
                 continue
             for won, corners in _steps((ax, ay), (bx, by), own, sigma, len(points)):
-                after = (k + 1) % len(loop)
-                ring = [*loop]
-                ring[k], ring[after] = (*corners[0], 0.0), (*corners[-1], loop[after][2])
-                ring[k + 1 : k + 1] = [(*corner, 0.0) for corner in corners[1:-1]]
-                options.append((won, Outline((*loops[:i], _without_flat_corners(ring, FLAT * sigma), *loops[i + 1 :]))))
-    for _, outline in heapq.nlargest(MOST, options, key=itemgetter(0)):
+                options.append((won, (*loops[:i], _put_in(loop, k, corners, FLAT * sigma), *loops[i + 1 :])))
+        first += len(loop)
+    for _, option in heapq.nlargest(MOST, options, key=itemgetter(0)):
         try:
+            outline = Outline(option)
             check_crossings(outline)
             yield simplest(replace(leaf, outline=outline))
         except ValueError:
@@ -130,6 +129,14 @@ def _parallel(a: np.ndarray, b: np.ndarray, own: np.ndarray, share: np.ndarray) 
         corner = a + place * along
         out.append([tuple(p.tolist()) for p in (a + low, corner + low, corner + high, b + high)])
     return out
+
+
+def _put_in(ring: Ring, k: int, corners: Sequence[Point], still: float) -> Ring:
+    """The ring with a row of corners in the place of its line k and its ends."""
+    new, after = [*ring], (k + 1) % len(ring)
+    new[k], new[after] = (*corners[0], 0.0), (*corners[-1], ring[after][2])
+    new[k + 1 : k + 1] = [(*corner, 0.0) for corner in corners[1:-1]]
+    return _without_flat_corners(new, still)
 
 
 def _without_flat_corners(ring: Sequence[tuple[float, float, float]], still: float) -> Ring:

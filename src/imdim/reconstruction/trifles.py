@@ -1,0 +1,42 @@
+"""Parts of a scanned thing's program that move its surface by no more than real things deviate."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry import kernels
+from imdim.numbers.likelihood import SurfaceSamples
+from imdim.program.paths import Path, leaf_paths, without
+from imdim.program.tree import Program
+
+TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
+
+
+def without_trifles(program: Program, reach: float, deadline: Deadline = NEVER) -> Program:
+    """The program without the leaves that, all together, move hardly any of its surface by more than `reach`; those that move it least go
+    first, as far as time allows."""
+    gone: list[Path] = []
+    if reach:
+        moves = [(_move(program, [path], reach, deadline), path) for path, _ in leaf_paths(program)]
+        for moved, path in sorted(moves):
+            if moved <= reach and _move(program, [*gone, path], reach, deadline) <= reach:
+                gone.append(path)
+    return without(program, gone) or program
+
+
+def _move(program: Program, gone: list[Path], reach: float, deadline: Deadline) -> float:
+    """How far what a program has of its own, and what it has without the leaves that are `gone`, lies from the other's surface, but for a
+    TENTH of it; by even samples so dense that what reaches so far has some. Infinite where nothing is left, or no time."""
+    less = without(program, gone)
+    if less is None or deadline.has_passed():
+        return math.inf
+    farthest = 0.0
+    for one, other in ((program, less), (less, program)):
+        places = SurfaceSamples.of(one, reach / 4).points
+        far = np.abs(kernels.program_sdf(other, places)) if len(places) else np.array([math.inf])
+        own = far[far > reach / 20]
+        farthest = max(farthest, float(np.quantile(own, 1 - TENTH)) if len(own) else 0.0)
+    return farthest

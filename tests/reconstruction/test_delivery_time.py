@@ -1,0 +1,22 @@
+"""Time that is left for what comes after a search."""
+
+import math
+
+import pytest
+from tests.planted import box
+
+from imdim.deadline import NEVER, Deadline
+from imdim.reconstruction import delivery_time
+from imdim.reconstruction.delivery_time import leave_time_to_deliver
+
+
+def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypatch):
+    now = Deadline(20.0, lambda: 5.0)
+    for solid_s, left in (
+        (0.01, 15.0),
+        (0.3, 15.0 - (delivery_time.SOLIDS * 0.3 + delivery_time.LEAF_S - delivery_time.ALLOWED_S)),
+        (3.0, 0.0),
+    ):
+        monkeypatch.setattr(delivery_time, "time_solid", lambda _, clock, took=solid_s: took)
+        assert leave_time_to_deliver(box(1, 1, 1), now).left() == pytest.approx(left)
+    assert leave_time_to_deliver(box(1, 1, 1), NEVER).left() == math.inf
