@@ -39,7 +39,7 @@ NEAR = 2e-4  # of the part's size, by which what nearly repeats may move
 GATHERED = (1, 6)  # primitives of a part that may move to where it repeats, at most
 MOST_GATHERED = 150  # primitives of a program
 NAMED_S = 0.04  # that the names of a long program take for each of its primitives: 1.9 s for 37, 3 for 82
-SOLIDS = 8  # that are made at least until a program has names
+SOLIDS_FOR_NAMES = 8  # that are made at least until a program has names
 FEW = 20  # primitives, whose solid is made in a moment
 
 
@@ -116,7 +116,7 @@ def _has_time_to_name(program: Program, name_by: Deadline) -> bool:
         return False
     if name_by.left() == math.inf or not FEW < primitives <= MOST_NAMED:
         return True
-    return SOLIDS * time_solid(program, name_by.now) <= name_by.left()
+    return SOLIDS_FOR_NAMES * time_solid(program, name_by.now) <= name_by.left()
 
 
 def _leave_as_found(program: Program, folding: Folding | None, edges: Sequence[EdgeFeature]) -> FinishedProgram:
