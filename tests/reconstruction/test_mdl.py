@@ -207,23 +207,22 @@ def test_skins_that_were_taken_for_one_are_told_apart_in_less_noise():
     noisy = mdl._NoisyCloud.of(points, 1.43, np.eye(3), drawn=False)
     wrong = fit_numbers(cut(box(56, 82, 15.4), box(49.4, 75, 40)), noisy.quick, noisy._noise, NEVER)
     assert wrong.noise.sigma > 1.3
-    found, calmer = noisy._in_less_noise(wrong, [], NEVER)
-    assert calmer
+    found = noisy._in_less_noise(wrong, [], NEVER)
     assert found.noise.sigma < 1.2
     assert noisy._length(found) < noisy._length(wrong) - 0.03
     block = mdl._NoisyCloud.of(cloud(box(60, 40, 20), 0.006, n=2000), 0.45, np.eye(3), drawn=False)
     told = fit_numbers(box(60, 40, 20), block.quick, block._noise, NEVER)
-    assert block._in_less_noise(told, [], NEVER) == (told, False)
+    assert block._in_less_noise(told, [], NEVER) is told
 
 
 def test_what_a_search_in_less_noise_comes_to_is_kept_where_there_is_no_less():
     truth = union(box(60, 40, 8), box(20, 40, 20, (-20.0, 0.0, 10.0)))
     noisy = mdl._NoisyCloud.of(cloud(truth, 0.006, n=2500), 0.45, np.eye(3), drawn=False)
     half = fit_numbers(box(60, 40, 8), noisy.quick, noisy._noise, NEVER)
-    found, calmer = noisy._in_less_noise(half, [*leaves(truth)], NEVER)
+    found = noisy._in_less_noise(half, [*leaves(truth)], NEVER)
     assert count(found.program).primitives == 2
     assert noisy._length(found) < noisy._length(half) - 0.1
-    assert not calmer
+    assert found.noise.sigma > mdl.FALLEN * half.noise.sigma
 
 
 @pytest.mark.parametrize(("most", "left_s", "left_out"), [(1, math.inf, True), (2, math.inf, False), (2, 5.0, True)])

@@ -243,13 +243,14 @@ class _NoisyCloud:
         slow = SLOW if self.anew else 0.0
         going = [Lineage(h.best, h.length, self._shorten(h.best, offered, deadline, copies=copies)) for h in heirs]
         going += [self._begin_with_copies(start, offered, deadline) for h in heirs if copies and (start := self._apart(h.best, deadline))]
-        best = run_in_turn(going, deadline, slow)[0].best
-        deadline = leave_time_to_deliver(best.program, end)
-        # the deviations of a real thing are no noise that the points could tell
-        less = best.noise.sigma / BLURRED_SKINS
-        hidden = not self.trifle and (best.skin > SKINS or may_hide_skins(best.program, self.quick, best.noise.sigma))
-        best, calmer = self._in_less_noise(best, offered, deadline) if hidden else (best, False)
-        cloud = replace(self, sigma=less) if calmer else self
+        blurred = [h.best for h in heirs if self._hides_skins(h.best)]
+        calmer = [self._begin_in_less_noise(likely, offered, deadline) for likely in blurred]
+        shortest = run_in_turn([*going, *calmer], deadline, slow)[0]
+        told = next((likely for likely, lineage in zip(blurred, calmer, strict=True) if lineage is shortest), shortest.best)
+        deadline = leave_time_to_deliver(shortest.best.program, end)
+        late = not blurred and self._hides_skins(shortest.best)
+        best = self._in_less_noise(shortest.best, offered, deadline) if late else shortest.best
+        cloud = replace(self, sigma=self._in_less(told)) if best.noise.sigma < FALLEN * told.noise.sigma else self
         if not self.trifle:
             best = cloud._copy(best, offered, deadline)
         best = cloud._rebuild_and_shorten(best, offered, deadline) if self.anew else best
@@ -275,20 +276,29 @@ class _NoisyCloud:
                 stay.remove(without_one[less])
         return best
 
-    def _in_less_noise(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
-        """What the search comes to from the best if there is less noise than it tells, where that is shorter, and whether there is.
+    def _hides_skins(self, likely: FittedProgram) -> bool:
+        """Whether both skins of walls may have been taken for one; what a real thing deviates by is no noise that its points could tell."""
+        return not self.trifle and (likely.skin > SKINS or may_hide_skins(likely.program, self.quick, likely.noise.sigma))
 
-        Where all walls are thin, and both skins were taken for one, a program of their middles explains the points in more noise than there
-        is.
-        """
-        noise = replace(best.noise, sigma=best.noise.sigma / BLURRED_SKINS)
-        start = maximise_likelihood(best.program, self.quick, noise, REFIT, deadline)
-        rounds = replace(self, sigma=noise.sigma)._shorten(start, offered, deadline)
-        lineage = Lineage(start, self._length(start), rounds)
-        length, calm = self._length(best), FALLEN * best.noise.sigma
-        while lineage.advance() and lineage.promised < length and (lineage.won > SLOW or lineage.best.noise.sigma < calm):
+    def _in_less(self, likely: FittedProgram) -> float:
+        """The deviation of the noise if it seems larger for skins that were taken for one: to a program that runs between them, and to the
+        points, since no place without such skins may be calm enough to tell."""
+        return min(likely.noise.sigma, self.sigma) / BLURRED_SKINS
+
+    def _begin_in_less_noise(self, likely: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> Lineage:
+        """A search from a program as if there were less noise than it tells."""
+        less = self._in_less(likely)
+        start = maximise_likelihood(likely.program, self.quick, replace(likely.noise, sigma=less), REFIT, deadline)
+        return Lineage(start, self._length(start), replace(self, sigma=less)._shorten(start, offered, deadline))
+
+    def _in_less_noise(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The best, or what the search comes to from it in less noise, where that is shorter."""
+        lineage, length = self._begin_in_less_noise(best, offered, deadline), self._length(best)
+        while (
+            lineage.advance() and lineage.promised < length and (lineage.won > SLOW or lineage.best.noise.sigma < FALLEN * best.noise.sigma)
+        ):
             pass
-        return (lineage.best, lineage.best.noise.sigma < calm) if lineage.length < length - SAME else (best, False)
+        return lineage.best if lineage.length < length - SAME else best
 
     def _copy(self, best: FittedProgram, offered: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The best, or what the search comes to from it with its copies tied to one another, and from it with the holes of drawings as cuts
