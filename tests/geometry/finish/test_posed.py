@@ -9,7 +9,7 @@ import pytest
 from outlined_samples import random_drawn
 from tests.known_programs import LEAVES
 
-from imdim.geometry.finish.posed import CHECK_SEGMENTS, PosedPrimitive, apart, diagonal, holds
+from imdim.geometry.finish.posed import CHECK_SEGMENTS, PosedPrimitive, apart, diagonal, holds, side_of_ball
 from imdim.geometry.sampling import leaf_surface
 from imdim.geometry.solid import to_manifold
 from imdim.program.tree import KINDS, OUTLINED, SIMPLE, SIZE_NAMES, Primitive, map_lengths
@@ -61,3 +61,17 @@ def test_what_is_held_is_inside_and_what_is_apart_is_outside():
 def test_the_diagonal_is_that_of_the_common_box():
     corners = [PosedPrimitive(Primitive("box", (2.0, 2.0, 2.0), at)) for at in [(0.0, 0.0, 0.0), (1.0, 4.0, 0.0)]]
     assert diagonal(corners) == pytest.approx(np.linalg.norm([3.0, 6.0, 2.0]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_ball_about_a_box_that_lies_on_one_side_of_a_polyhedron_is_told(kind):
+    rng, told = np.random.default_rng(4), []
+    for _ in range(60):
+        part = PosedPrimitive(drawn(kind, rng))
+        center = rng.uniform(*part.bounds)
+        box = PosedPrimitive(Primitive("box", (0.1, 0.06, 0.08), tuple(center.tolist()), tuple(rng.uniform(-90, 90, 3).tolist())))
+        side = side_of_ball(part, box)
+        told.append(side)
+        share = (part.solid ^ box.solid).volume() / box.solid.volume()
+        assert side == 0 or share == pytest.approx(0.0 if side > 0 else 1.0, abs=1e-6)
+    assert {1, -1} <= {*told} or kind == "ellipsoid"  # whose value is no distance

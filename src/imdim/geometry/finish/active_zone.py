@@ -15,7 +15,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.geometry import kernels
-from imdim.geometry.finish.posed import INSCRIBED, PosedPrimitive, apart, diagonal, holds
+from imdim.geometry.finish.posed import INSCRIBED, PosedPrimitive, apart, diagonal, holds, side_of_ball
 from imdim.geometry.finish.section import extent
 from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.lowering import Lowered, Outlines, postfix
@@ -134,6 +134,8 @@ def _restrict(part: PosedPrimitive, held_by: PosedPrimitive, region: Manifold) -
         return False
     if holds(part, held_by):
         return True
+    if side := side_of_ball(part, held_by):
+        return side < 0
     # booleans are put off until somebody asks for their volume
     return part.solid ^ region
 

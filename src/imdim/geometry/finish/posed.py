@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,10 +11,12 @@ from typing import Any
 import numpy as np
 from manifold3d import Manifold
 
+from imdim.geometry import kernels
 from imdim.geometry.finish.section import CHECK_SEGMENTS, flatten
+from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.rows import dot_rows
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold
-from imdim.program.outline import Outline
+from imdim.program.outline import Outline, arc_radii
 from imdim.program.tree import OUTLINED, Primitive, envelope
 
 INSCRIBED = 1 - 3.3e-3  # of a radius: what polyhedra of CHECK_SEGMENTS hold in every direction; a sphere's lacks the most
@@ -66,6 +69,17 @@ class PosedPrimitive:
         return (_CUBE * self.half) @ self.rotation.T + self.leaf.center
 
     @cached_property
+    def inexactness(self) -> float:
+        """How far the polyhedron lies off the primitive at most."""
+        radii = arc_radii(self.leaf.outline) if self.leaf.outline else []
+        return (1 - INSCRIBED) * max([float(self.half.max()), *radii])
+
+    @cached_property
+    def lowered(self) -> Lowered:
+        """As the kernels take it."""
+        return lower(self.leaf)
+
+    @cached_property
     def solid(self) -> Manifold:
         """The polyhedron, of `segments` facets a circle."""
         return primitive_to_manifold(self.leaf, self.segments)
@@ -104,6 +118,16 @@ def holds(a: PosedPrimitive, b: PosedPrimitive) -> bool:
     """Whether a convex primitive holds the whole local box of another; False where this does not show."""
     contains = _CONVEX.get(a.leaf.kind)
     return contains is not None and bool(contains(a.leaf.size, (b.corners - a.leaf.center) @ a.rotation).all())
+
+
+def side_of_ball(a: PosedPrimitive, b: PosedPrimitive) -> int:
+    """Whether a ball about the whole local box of b lies outside (1) or inside (-1) the polyhedron of a; 0 where this does not show, as
+    beside an ellipsoid, whose value is no distance."""
+    if a.leaf.kind == "ellipsoid":
+        return 0
+    reach = float(np.linalg.norm(b.half)) + a.inexactness
+    value = float(kernels.program_sdf(a.lowered, np.array([b.leaf.center], float))[0])
+    return int(math.copysign(1, value)) if abs(value) > reach else 0
 
 
 def diagonal(parts: Sequence[PosedPrimitive]) -> float:
