@@ -245,7 +245,7 @@ class _NoisyCloud:
         going += [self._begin_with_copies(start, offered, deadline) for h in heirs if copies and (start := self._apart(h.best, deadline))]
         blurred = [h.best for h in heirs if self._hides_skins(h.best)]
         calmer = [self._begin_in_less_noise(likely, offered, deadline) for likely in blurred]
-        shortest = run_in_turn([*going, *calmer], deadline, slow)[0]
+        shortest = run_in_turn([*going, *calmer], deadline, slow, lambda program: leave_time_to_deliver(program, end))[0]
         told = next((likely for likely, lineage in zip(blurred, calmer, strict=True) if lineage is shortest), shortest.best)
         deadline = leave_time_to_deliver(shortest.best.program, end)
         late = not blurred and self._hides_skins(shortest.best)

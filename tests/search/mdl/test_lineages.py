@@ -1,6 +1,7 @@
 """Searches that share the time."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 from tests.deadlines import PASSED
@@ -57,3 +58,18 @@ def test_as_many_searches_begin_as_have_time_for_rounds_like_the_second(round_s,
     assert lineage.length == -2.0
     assert count_with_time(20.0, round_s) == most
     assert count_with_time(math.inf, round_s) > 7
+
+
+def test_searches_end_earlier_where_what_they_come_to_takes_longer_to_deliver():
+    now = [0.0]
+
+    def rounds():
+        for length, program in ((-1.0, "short"), (-2.0, "long"), (-3.0, "longer")):
+            now[0] += 1.0
+            yield SimpleNamespace(program=program), length
+
+    asked = []
+    lineage = Lineage(SimpleNamespace(program="start"), 0.0, rounds())
+    ends = {"short": 9.0, "long": 1.5}
+    (found,) = run_in_turn([lineage], Deadline(9.0, lambda: now[0]), 0.0, lambda p: asked.append(p) or Deadline(ends[p], lambda: now[0]))
+    assert (found.best.program, asked) == ("long", ["short", "long"])

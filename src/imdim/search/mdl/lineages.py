@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from imdim.deadline import NEVER, Deadline
 from imdim.numbers.em import FittedProgram
+from imdim.program.tree import Program
 
 MOST_LINEAGES = 16  # searches that begin: more than there ever are
 ROUNDS_EACH = 2  # that there is time for in each of several searches: fewer begin where there is not
@@ -50,11 +51,13 @@ class Lineage:
         return True
 
 
-def run_in_turn(lineages: list[Lineage], deadline: Deadline = NEVER, slow: float = 0.0) -> list[Lineage]:
+def run_in_turn(
+    lineages: list[Lineage], deadline: Deadline = NEVER, slow: float = 0.0, end_with: Callable[[Program], Deadline] | None = None
+) -> list[Lineage]:
     """The lineages as far as they come, the shortest first. The next round is that of the one which promises the most by what it won in
     its last, one that had none by the most that any has won in one, until none promises more than one has, or wins more in a round than
-    is `slow`."""
-    going = list(lineages)
+    is `slow`. From each new shortest program on the deadline is the one that they `end_with` if it is to be delivered."""
+    going, known = list(lineages), None
     while going and not deadline.has_passed():
         largest = max(lineage.most_won for lineage in lineages)
         for fresh in (lineage for lineage in going if largest and not lineage.most_won):
@@ -64,6 +67,9 @@ def run_in_turn(lineages: list[Lineage], deadline: Deadline = NEVER, slow: float
             break
         if not most.advance() or most.won < slow:
             going.remove(most)
+        shortest = min(lineages, key=lambda lineage: lineage.length).best
+        if end_with is not None and shortest is not known:
+            known, deadline = shortest, end_with(shortest.program)
     return sorted(lineages, key=lambda lineage: lineage.length)
 
 
