@@ -243,8 +243,10 @@ def test_a_policy_is_loaded_last_and_only_where_there_is_time_for_it_and_what_is
     assert replace(noisy, policy=None)._search([truth], [*leaves(truth)], NEVER)[1] == (most == 1)
 
 
+@pytest.mark.parametrize("hides", [False, True])
 @pytest.mark.parametrize(("reached", "going_on"), [(5.0, [-5.0, -4.0]), (1.0, [-5.0])])
-def test_where_time_cuts_the_first_searches_the_most_promising_goes_on_beside_the_shortest(monkeypatch, reached, going_on):
+def test_where_time_cuts_the_first_searches_the_most_promising_goes_on_beside_the_shortest(monkeypatch, reached, going_on, hides):
+    """Each of them again in less noise where it may hide skins."""
     truth, now, calls = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), [0.0], []
 
     def in_turn(lineages, deadline, *_):
@@ -257,9 +259,11 @@ def test_where_time_cuts_the_first_searches_the_most_promising_goes_on_beside_th
 
     monkeypatch.setattr(mdl, "shorten", lambda *_, **__: iter(()))
     monkeypatch.setattr(mdl, "run_in_turn", in_turn)
+    monkeypatch.setattr(mdl._NoisyCloud, "_hides_skins", lambda *_: hides)
     noisy = mdl._NoisyCloud.of(cloud(truth), 0.3, np.eye(3), drawn=False)
     noisy._search([truth], [*leaves(truth)], Deadline(10.0, lambda: now[0]))
-    assert calls[1] == going_on
+    assert calls[1][: len(going_on)] == going_on
+    assert len(calls[1]) == (1 + hides) * len(going_on)
 
 
 def test_what_is_too_much_goes_and_relations_hold():
