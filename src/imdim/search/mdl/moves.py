@@ -29,12 +29,21 @@ def single_moves(mixture: BatchedLikelihood, start: Choice, meet: Sequence[set[i
     parts = mixture.parts
     # a wall is no cut: what is left of it in its middle would stand alone
     walls = {i for i, part in enumerate(parts) if isinstance(part, Combine) and part.op == "difference"}
-    moves, own = [*own_moves(start)], dict[int, range]()
+    moves, own = [*own_moves(start), *holes_for_posts(start, meet)], dict[int, range]()
     for i in range(len(start), len(parts)):
         first = len(moves)
         moves += (c for c in uses(i, start, meet[i]) if i not in walls or all(s.positive or s.term != i for s in c))
         own[i] = range(first, len(moves))
     return moves, own
+
+
+def holes_for_posts(start: Choice, meet: Sequence[set[int]]) -> Iterator[Choice]:
+    """Without a cut, and what is united in it later on cut out: their surfaces alone do not tell posts in a pocket from holes in a block,
+    but those of the pocket are missing."""
+    for i, (op, pocket) in enumerate(start):
+        posts = {step.term for step in start[i + 1 :] if step.positive and step.term in meet[pocket]}
+        if op == "difference" and posts:
+            yield tuple(Step("difference" if step.term in posts else step.op, step.term) for step in start if step.term != pocket)
 
 
 def best_in_place(moves: Sequence[Choice], own: range, lengths: np.ndarray, start: Choice) -> Choice | None:
