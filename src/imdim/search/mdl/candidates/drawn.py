@@ -108,9 +108,14 @@ def redraw(leaf: Primitive) -> Iterator[Primitive]:
         before, behind = loops[:i], loops[i + 1 :]
         options += [(far, (*before, new, *behind)) for far, new in _plainer(loop)]
         options += [(abs(loop_area(loop)) ** 0.5, before + behind)] if len(loops) > 1 else []
-    for _, option in heapq.nsmallest(MOST_REDRAWN, options, key=itemgetter(0)):
+    yield from draw_with(leaf, (option for _, option in heapq.nsmallest(MOST_REDRAWN, options, key=itemgetter(0))))
+
+
+def draw_with(leaf: Primitive, options: Iterable[tuple[Loop, ...]]) -> Iterator[Primitive]:
+    """The leaf with each of several rows of loops as its outline, without those that are none: loops cross, or have no extent."""
+    for loops in options:
         try:
-            outline = Outline(option)
+            outline = Outline(loops)
             check_crossings(outline)
             yield simplest(replace(leaf, outline=outline))
         except ValueError:

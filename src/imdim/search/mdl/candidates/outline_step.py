@@ -9,16 +9,15 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from operator import itemgetter
 
 import numpy as np
 
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, Outline, Point, Ring, check_crossings, flatten_loop, ring_curves
+from imdim.program.outline import Loop, Outline, Point, Ring, flatten_loop, ring_curves
 from imdim.program.tree import Primitive
-from imdim.search.mdl.candidates.drawn import in_plane, simplest
+from imdim.search.mdl.candidates.drawn import draw_with, in_plane
 
 NEAR = 4.0  # deviations of the noise, within which a point is of a line
 PLACES = 16  # along a line where a step may be
@@ -47,13 +46,7 @@ def step_lines(leaf: Primitive, points: np.ndarray, sigma: float) -> Iterator[Pr
             for won, corners in _steps((ax, ay), (bx, by), own, sigma, len(points)):
                 options.append((won, (*loops[:i], _put_in(loop, k, corners, FLAT * sigma), *loops[i + 1 :])))
         first += len(loop)
-    for _, option in heapq.nlargest(MOST, options, key=itemgetter(0)):
-        try:
-            outline = Outline(option)
-            check_crossings(outline)
-            yield simplest(replace(leaf, outline=outline))
-        except ValueError:
-            continue
+    yield from draw_with(leaf, (option for _, option in heapq.nlargest(MOST, options, key=itemgetter(0))))
 
 
 def _nearest_curves(outline: Outline, plane: np.ndarray) -> np.ndarray:
