@@ -282,6 +282,17 @@ def test_few_features_are_twelve_and_only_counted_beside_curves():
     assert "features" not in markdown([Row("plain", primitives=3)])
 
 
+def test_edges_are_features_and_the_mesh_has_them():
+    plain = Row("plain", iou=0.999, primitives=3, curves=9, features=3, whole_iou=0.999)
+    bevelled = Row("bevelled", iou=0.98, primitives=11, curves=20, features=11, edges=1, whole_iou=0.996)
+    drawn = Row("drawn", iou=0.996, primitives=30, curves=90, features=11, edges=2, whole_iou=0.996)
+    said = summary([plain, bevelled, drawn, Row("failed", stop="FAILED")], 60.0)
+    few = "with at most 12 features, those of edges among them"
+    assert f"with all edges, IoU >= 0.995: 3 of 4 (75 %), {few}: 2 of 4 (50 %)" in said
+    assert "| bevelled | 0.9800 | inf | 11 | 20 | 1 | 0.9960 |  |" in markdown([plain, bevelled])
+    assert "edge" not in markdown([plain]) + "".join(summary([plain], 60.0))
+
+
 def test_parts_without_a_step_file_are_told():
     rows = [Row("solid", step=True), Row("late"), Row("failed", stop="FAILED")]
     assert "without STEP: 2" in summary(rows, 60.0)

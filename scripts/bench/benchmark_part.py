@@ -42,7 +42,9 @@ class Row:
     """One part; `hausdorff` is relative to the target's diagonal, `seconds` are of the fit's whole command.
 
     `curves` are those of outlines, None where nobody counts them; what they bound is a feature, counted among the `primitives`, each copy
-    too. `distinct` is how many of these are no copies, as the report has it, and `step` whether the part came with a STEP file.
+    too. `distinct` is how many of these are no copies, as the report has it, and `step` whether the part came with a STEP file. Fillets and
+    chamfers, which `program.scad` draws of several statements or not at all, are features too: `edges` are so many, `features` those of the
+    sharp program, by the report, and `whole_iou` is of the delivered mesh, which has all of them.
     """
 
     part: str
@@ -58,6 +60,9 @@ class Row:
     curves: int | None = None
     distinct: int | None = None
     step: bool = False
+    features: int | None = None
+    edges: int = 0
+    whole_iou: float = 0.0
 
 
 class Judgement(NamedTuple):
@@ -98,9 +103,10 @@ def benchmarked(task: Task, part: Path, folder: Path, settings: Sequence[str]) -
         report = json.loads((folder / "report.json").read_text())
         row.stop, row.search_s = report["stop"], sum(report["timing"]["stages_s"].values())
         row.step = (folder / "program.step").is_file()
-        row.distinct = report.get("result", {}).get("without_copies")
-        judged = score(part, folder / "program.scad", Path(task.scorer) if task.scorer else None)
-        row.iou, row.hausdorff, row.primitives, row.curves = judged
+        result, scorer = report.get("result", {}), Path(task.scorer) if task.scorer else None
+        row.distinct, row.features, row.edges = result.get("without_copies"), result.get("features"), len(report.get("edges", ()))
+        row.iou, row.hausdorff, row.primitives, row.curves = score(part, folder / "program.scad", scorer)
+        row.whole_iou = score(part, folder / "mesh.stl", scorer).iou if row.edges else row.iou
     except (ValueError, KeyError, IndexError, OSError, subprocess.SubprocessError) as problem:
         row.stop = f"FAILED, not scored: {' '.join(str(problem).split())[:200]}"
     return row

@@ -39,11 +39,14 @@ def line(row: Row) -> str:
 def markdown(rows: list[Row]) -> str:
     """The table, one row per part; features and curves where curves are counted."""
     sizes = ("features", "curves") if _are_counted(rows) else ("primitives",)
-    names = ("part", "IoU", "Hausdorff / diagonal", *sizes, "reference", "reference IoU", "seconds", "peak MiB", "STEP", "stop")
+    blended = any(r.edges for r in rows)
+    names = ["part", "IoU", "Hausdorff / diagonal", *sizes, *(("edge features", "IoU with these") if blended else ())]
+    names += ["reference", "reference IoU", "seconds", "peak MiB", "STEP", "stop"]
     body = [
         (
-            *(r.part, f"{r.iou:.4f}", f"{r.hausdorff:.4f}", *map(_or, (r.primitives, r.curves)[: len(sizes)]), _or(r.reference)),
-            *(_or(r.reference_iou), f"{r.seconds:.1f}", f"{r.peak_mib:.0f}", "yes" if r.step else "no", r.stop),
+            *(r.part, f"{r.iou:.4f}", f"{r.hausdorff:.4f}", *map(_or, (r.primitives, r.curves)[: len(sizes)])),
+            *((_or(r.edges or None), f"{r.whole_iou:.4f}" if r.edges else "") if blended else ()),
+            *(_or(r.reference), _or(r.reference_iou), f"{r.seconds:.1f}", f"{r.peak_mib:.0f}", "yes" if r.step else "no", r.stop),
         )
         for r in rows
     ]
@@ -60,6 +63,7 @@ def summary(rows: list[Row], budget: float) -> list[str]:
     if _are_counted(rows):
         few = sum(r.iou >= 0.99 and _primitives(r) <= FEW for r in rows)
         lines.append(f"IoU >= 0.99 with at most {FEW} features: {_share(few, count)}")
+        lines += [_with_edges(rows, bar) for bar in (0.995, 0.99)] if any(r.edges for r in rows) else []
         lines.append(f"median features: {statistics.median(map(_primitives, rows)):g}, without copies {_median_distinct(rows)}")
     lines.append(f"without STEP: {sum(not r.step for r in rows)}")
     lines.append(f"mean IoU {statistics.fmean(r.iou for r in rows):.4f}")
@@ -87,6 +91,14 @@ def _are_counted(rows: Sequence[Row]) -> bool:
 
 def _primitives(row: Row) -> float:
     return math.inf if row.primitives is None else row.primitives
+
+
+def _with_edges(rows: Sequence[Row], bar: float) -> str:
+    """How many parts are as good with their fillets and chamfers, and how many of these are short."""
+    good = [r for r in rows if r.whole_iou >= bar]
+    short = sum((math.inf if r.features is None else r.features) + r.edges <= FEW for r in good)
+    few = f"with at most {FEW} features, those of edges among them"
+    return f"with all edges, IoU >= {bar}: {_share(len(good), len(rows))}, {few}: {_share(short, len(rows))}"
 
 
 def _median_distinct(rows: Sequence[Row]) -> str:

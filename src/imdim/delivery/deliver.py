@@ -32,6 +32,7 @@ from imdim.export.folder import DIGESTS, EDIT_PICTURE, FILES, OutputError, check
 from imdim.export.hole_names import hole_features
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import round_program
+from imdim.export.openscad_reader import are_drawn
 from imdim.export.parameters import parametrise
 from imdim.export.preview import SUPERSAMPLE, preview
 from imdim.export.step_worker import StepWorker, exporting, finish_or_skip_step
@@ -88,9 +89,9 @@ def deliver(
             meta = frame_meta(target)
             sharp = join_touching(program, segments)
             solid = solid_with_edges(program, found.edges, segments, join_touching) if found.edges else sharp
-            drawn = do_edges_matter(sharp.volume(), solid.volume())
+            matter = do_edges_matter(sharp.volume(), solid.volume())
             intervals = _state_intervals(found, target, run, finish_by) if run.noisy else None
-            texts = compose_texts(found, meta, segments, drawn, finish_by) | ({} if named is None else dict(named.texts))
+            texts = compose_texts(found, meta, segments, matter, finish_by) | ({} if named is None else dict(named.texts))
             texts["program.scad"] = with_remarks(texts["program.scad"], intervals or {})
             _write(texts, partial)
             _write_front(front or [Choice(given)], given, meta, partial)
@@ -122,6 +123,7 @@ def deliver(
         files = {name: skipped.get(name, "written") for name in FILES if name != EDIT_PICTURE}
         film = find_film(surface, target, scores.to_target.max)
         faults = [*_parted(solid, target), *([] if film is None else [str(film)])]
+        drawn = are_drawn(texts["program.scad"])
         report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, faults, intervals)
         report[DIGESTS] = digests_of(partial)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
@@ -164,9 +166,9 @@ def export(
         program = found.program
         sharp = join_touching(program, segments)
         solid = solid_with_edges(program, found.edges, segments, join_touching) if found.edges else sharp
-        drawn = do_edges_matter(sharp.volume(), solid.volume())
+        matter = do_edges_matter(sharp.volume(), solid.volume())
         kept = {} if named is None else with_segments(named.texts, segments)
-        _write(compose_texts(found, meta, segments, drawn) | kept, partial)
+        _write(compose_texts(found, meta, segments, matter) | kept, partial)
         called = _named(found, folder.resolve().name)
         with exporting(partial, folder.resolve().name, called.names.features) as job:
             write_meshes(solid, partial, called, meta.units)
@@ -177,10 +179,10 @@ def export(
     return {**files, **skipped}
 
 
-def compose_texts(found: FinishedProgram, meta: Meta, segments: int, drawn: bool, deadline: Deadline = NEVER) -> dict[str, str]:
-    """program.json and the texts of a program by their names; program.scad draws edges where they are `drawn`."""
+def compose_texts(found: FinishedProgram, meta: Meta, segments: int, matter: bool, deadline: Deadline = NEVER) -> dict[str, str]:
+    """program.json and the texts of a program by their names; program.scad draws edges where they `matter` or take few statements."""
     document = program_text(found.program, meta, found.constraints, found.folded, found.edges, hole_features(found.program))
-    return {"program.json": document, **texts_of(found.program, found.parameters, found.folded, segments, found.edges, drawn, deadline)}
+    return {"program.json": document, **texts_of(found.program, found.parameters, found.folded, segments, found.edges, matter, deadline)}
 
 
 def _keep(named: Delivered) -> FinishedProgram:

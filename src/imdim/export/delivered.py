@@ -110,8 +110,9 @@ def texts_of(
 ) -> dict[str, str]:
     """The texts by their names in TEXTS; with loops where `folded`, which `program` is the expansion of, has repeats.
 
-    Those that `unwritten` names are left out. program.scad draws `edges` unless told otherwise, if they `matter`; past the `deadline` (by
-    default never), or after DRAWING_S, their numbers follow no more names. Past it, holes of program.py are calls only where all may be.
+    Those that `unwritten` names are left out. program.scad draws `edges` unless told otherwise if they `matter`, or take few
+    statements; past the `deadline` (by default never), or after DRAWING_S, their numbers follow no more names. Past it, holes of program.py
+    are calls only where all may be.
     """
     sharp = to_openscad(program, segments, named)
 

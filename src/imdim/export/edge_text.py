@@ -34,13 +34,13 @@ Read = Callable[[Mapping[str, float]], Program]
 @dataclass(frozen=True)
 class DrawnEdges:
     """What a text draws of edge features: their `pieces`, and the expressions of the numbers of these, leaf after leaf. `stuck` are names
-    that move blends, or may, in a way that the expressions do not say. `matter` says whether they are drawn unless told otherwise."""
+    that move blends, or may, in a way that the expressions do not say. `shown` says whether they are drawn unless told otherwise."""
 
     features: tuple[EdgeFeature, ...]
     pieces: tuple[BlendSolid, ...]
     named: Parameters
     stuck: tuple[str, ...]
-    matter: bool
+    shown: bool
 
 
 def do_edges_matter(sharp: float, blended: float) -> bool:
@@ -55,8 +55,8 @@ def draw_edges(
     matter: bool,
     deadline: Deadline = NEVER,
 ) -> DrawnEdges:
-    """The blends of a program, which `read` gives for `values` of its names, other than the text's. Past the `deadline` (by default never)
-    no more names are tried."""
+    """The blends of a program, which `read` gives for `values` of its names, other than the text's. They are shown where they `matter`, and
+    where they take no more statements than the program without them. Past the `deadline` (by default never) no more names are tried."""
     program = read({})  # with the numbers of the text: rounding may have moved where an edge ends
     near = NearbyEdges(program, features)
     pieces = gather_pieces(sweep_blends(near.found.edges))
@@ -80,7 +80,8 @@ def draw_edges(
         assert leaf.outline is not None
         outlines.append(tuple(tuple(DrawnVertex(next(rest), next(rest), b) for _, _, b in ring) for ring in leaf.outline.rings))
     named = Parameters(dict(values), tuple(sizes), tuple(centers), outlines=tuple(outlines))
-    return DrawnEdges(tuple(features), tuple(pieces), named, tuple(stuck), matter)
+    shown = matter or len(sizes) <= len(leaves(program))
+    return DrawnEdges(tuple(features), tuple(pieces), named, tuple(stuck), shown)
 
 
 class _UnfollowedError(Exception):

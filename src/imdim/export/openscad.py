@@ -112,7 +112,7 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     """OpenSCAD text of `program` in its own units, with `$fn` at `segments`, and numbers that follow `parameters` if given.
 
     Lengths keep about nine significant digits of the model's size, angles nine decimals. Cutters are written as they are: see `overshoot`.
-    `edges` are drawn where the text's own switch says so, which is on where they matter.
+    `edges` are drawn where the text's own switch says so, which is on where they are `shown`.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program)
     named, aslant = _along_own(named), named.own
@@ -144,7 +144,7 @@ def _turn_lines(lines: Sequence[str], aslant: OwnPlaces | None) -> list[str]:
 def _switch(edges: DrawnEdges) -> list[str]:
     """The line that says whether blends are drawn, and one that says which names they do not follow."""
     stuck = [f"// They stay where they are when one of these changes: {', '.join(edges.stuck)}"] if edges.stuck else []
-    return [SWITCH[edges.matter], *stuck]
+    return [SWITCH[edges.shown], *stuck]
 
 
 def _with_blends(lines: Sequence[str], edges: DrawnEdges, rounding: Rounding) -> list[str]:
