@@ -32,9 +32,8 @@ if TYPE_CHECKING:
 
 Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Snapshot]"]
 
-DELIVERY_S = 6.0
-FILES_S = 5.0  # of these, for the files of a program that is finished
-FILED_S, PICTURE_S = 1.5, 0.8  # of these, for the files of a program as it was found, and for the picture and what comes after it
+FILES_S = 7.0  # for the files of a program that is finished, STEP among them
+FILED_S, PICTURE_S = 1.5, 0.8  # for those of a program as it was found, and for the picture and what comes after it
 # for texts, scores and pictures, which take that long whatever the part; at most that share of a budget
 WRITING_S, WRITING_SHARE = 2.0, 0.4
 LEAST_S = 1.0  # for the reconstruction, however long loading took
@@ -166,12 +165,12 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
             sys.stderr.write(f"imdim: {note}\n")
         target = replace(target, notes=(*target.notes, *last.notes))
         left = 0.0 if last.stop in ENDED else settings.budget_s - (time.perf_counter() - start)  # who sends signals does not wait long
-        # the other files take a few seconds; STEP, which may be slow, gets what is left
-        step_limit_s = min(max(left - DELIVERY_S, LEAST_S + STEP_SHARE * settings.budget_s), STEP_LIMIT_S)
-        finish_by, name_by, draw_by = (Deadline(time.perf_counter() + left - needed) for needed in (FILES_S, FILED_S, PICTURE_S))
-        found = last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.edges
+        beyond = STEP_SHARE * settings.budget_s
+        times = (Deadline(time.perf_counter() + left - needed) for needed in (FILES_S, FILED_S, PICTURE_S, -beyond))
+        finish_by, name_by, draw_by, step_by = times
+        found = last.program, target, folder, run, settings.segments, STEP_LIMIT_S, last.constraints, last.front, finish_by, last.edges
         with nullcontext() if last.stop in (BY_HAND, *ENDED) else finishing_first(WRITING):
-            return deliver(*found, step_worker=step.worker, name_by=name_by, draw_by=draw_by)
+            return deliver(*found, step_worker=step.worker, name_by=name_by, draw_by=draw_by, step_by=step_by)
 
 
 class _EarlyStep:

@@ -51,7 +51,7 @@ from imdim.target.target import Target, frame_meta
 
 __all__ = ["OutputError", "RunRecord", "check_untouched", "check_writable", "deliver", "finish_flat"]
 
-STEP_LIMIT_S = 20.0
+STEP_LIMIT_S, LEAST_STEP_S = 20.0, 1.0
 
 
 def deliver(
@@ -69,6 +69,7 @@ def deliver(
     step_worker: StepWorker | None = None,
     name_by: Deadline = NEVER,
     draw_by: Deadline = NEVER,
+    step_by: Deadline = NEVER,
 ) -> dict[str, Any]:
     """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
 
@@ -78,7 +79,7 @@ def deliver(
     features of `program`. A program that is `named` already is written with its own texts, and finished no further.
 
     STEP is written by the `step_worker`, if there is one, and skipped, and the report says why, where OpenCASCADE is missing, fails or
-    takes longer than `step_limit_s`.
+    takes longer than `step_limit_s`, or when all else is written than until `step_by` (by default never), but for LEAST_STEP_S.
     Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
     """
     seconds: dict[str, float] = {}
@@ -116,7 +117,8 @@ def deliver(
                 shown = html.content(document, target, found.parameters, segments, furthest, verdict=coloured)
             with _time(seconds, "step"):
                 volumes = _volumes(partial, target, delivered)
-                skipped = finish_or_skip_step(job, step_limit_s, volumes, found.edges)
+                left = min(max(step_by.left(), LEAST_STEP_S), step_limit_s)
+                skipped = finish_or_skip_step(job, left, volumes, found.edges)
         skipped |= unwritten(program)
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no time was left" if found.hurried else "skipped: no part repeats"

@@ -18,6 +18,7 @@ from imdim.export.numbers import Expression, Term, simple_fraction
 from imdim.export.parameters import Parameters
 from imdim.geometry.edge_solids import BlendSolid, sweep_blends
 from imdim.geometry.edges import NearbyEdges
+from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, with_sizes
 from imdim.program.tree import Primitive, Program, leaves, longest
 
@@ -80,7 +81,7 @@ def draw_edges(
         assert leaf.outline is not None
         outlines.append(tuple(tuple(DrawnVertex(next(rest), next(rest), b) for _, _, b in ring) for ring in leaf.outline.rings))
     named = Parameters(dict(values), tuple(sizes), tuple(centers), outlines=tuple(outlines))
-    shown = matter or len(sizes) <= len(leaves(program))
+    shown = matter or len(sizes) <= count(program).primitives
     return DrawnEdges(tuple(features), tuple(pieces), named, tuple(stuck), shown)
 
 

@@ -33,7 +33,8 @@ JOINED = 1e-2  # of its size, within which ends of two edges are one
 OFF = 0.05  # of the change of volume, by which it may be another one
 SECTIONS = {"fillet": 1 - math.pi / 4, "chamfer": 0.5}  # of the product of both sizes, at a right angle
 CORNER = 0.5  # of the section times the size: what the volume may be off at a corner
-VOLUME_ERROR = 1e-9  # relative
+VOLUME_ERRORS = 1e-9, 1e-5  # relative: without knowing what will change, and at most
+ERROR_OF_CHANGE = 1e-2  # of the change of volume, by which a volume may be known less well
 NOISE = 1e-8  # of the volume, which is no change of it
 PATIENCE_S = 8.0  # for all blends of a part; what is not tried by then stays sharp
 
@@ -83,7 +84,7 @@ def _sweep(
     """The shape with those edges that are sharp blended by booleans with their swept sections, and the edges that stay sharp."""
     done = [s for s in placed.edges if (s.feature, s.edge) not in sharp]
     exact = _blended(to_manifold(program), blend_pieces(done))
-    volume, failed = shape_volume(shape, VOLUME_ERROR), list[EdgeNumber]()
+    volume, failed = shape_volume(shape, VOLUME_ERRORS[0]), list[EdgeNumber]()
     for number in sharp:
         group, rooms = zip(*(pair for pair in placed.pairs if (pair[0].feature, pair[0].edge) == number), strict=True)
         pieces, has_time = sweep_blends(group), not deadline.has_passed()
@@ -96,7 +97,7 @@ def _sweep(
         if tried is None or solids_in(tried) != solids_in(shape) or not ocp("BRepCheck").BRepCheck_Analyzer(tried).IsValid():
             failed.append(number)
             continue
-        found = shape_volume(tried, VOLUME_ERROR)
+        found = shape_volume(tried, _volume_error(expected, volume))
         if abs(found - volume - expected) > OFF * abs(expected) + NOISE * volume:
             failed.append(number)
             continue
@@ -110,6 +111,12 @@ def _blended(solid: Manifold, pieces: Sequence[BlendSolid]) -> Manifold:
     cuts = [to_manifold(piece.solid) for piece in pieces if piece.cuts]
     filled = COMBINE["union"]([solid, *fills]) if fills else solid
     return COMBINE["difference"]([filled, *cuts]) if cuts else filled
+
+
+def _volume_error(change: float, volume: float) -> float:
+    """How well a volume is to be known that is compared after a change: adaptive integration takes twice as long for the last digits."""
+    least, most = VOLUME_ERRORS
+    return min(max(ERROR_OF_CHANGE * abs(change) / volume, least), most)
 
 
 def _boolean(shape: Any, tool: Any, cuts: bool) -> Any:
@@ -157,7 +164,7 @@ class _State:
         self.shape = shape
         self._blended: list[BlendedEdge] = []
         self._known: np.ndarray | None = None
-        self._volume, self._solid = shape_volume(shape, VOLUME_ERROR), to_manifold(program)
+        self._volume, self._solid = shape_volume(shape, VOLUME_ERRORS[0]), to_manifold(program)
         self._exact, self._pieces = self._solid, frozenset[BlendSolid]()
         self._slack = ROUNDING * longest(leaves(program))
 
@@ -171,8 +178,9 @@ class _State:
             return False
         after = [*self._blended, *stretches]
         pieces = blend_pieces(after)
-        exact, volume = self._add_exactly(pieces), shape_volume(shape, VOLUME_ERROR)
+        exact = self._add_exactly(pieces)
         expected = exact.volume() - self._exact.volume()
+        volume = shape_volume(shape, _volume_error(expected, self._volume))
         allowed = OFF * abs(expected) + _corner_volume(stretches, after) + NOISE * volume
         if abs(volume - self._volume - expected) > allowed:
             return False

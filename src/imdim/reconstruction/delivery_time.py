@@ -1,4 +1,4 @@
-"""How long a noisy cloud's program takes to be delivered, which its search and its numbers must leave.
+"""How long a program takes to be delivered, which its search and its numbers must leave.
 
 Delivery makes its solid again and again, and writes its leaves and curves in every language: the seconds of a long program, or of one whose
 solid is slow to make, are not in the shares of a budget, which fit short ones.
@@ -14,7 +14,8 @@ from imdim.program.cost import count
 from imdim.program.tree import Program
 
 SOLIDS, LEAF_S, CURVE_S = 40.0, 0.15, 0.03  # solids that are made, and seconds for each leaf and curve
-ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0  # seconds that the shares leave in any case before numbers are fitted, and from then on
+# seconds that the shares leave of a noisy cloud in any case before numbers are fitted, and from then on
+ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0
 
 
 def leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float = ALLOWED_S) -> Deadline:

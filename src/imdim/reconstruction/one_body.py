@@ -138,7 +138,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         yield _state(step, seen, frame)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
-    fit_by = budget.part_of("fit", share)
+    fit_by = leave_time_to_deliver(step.program, budget.part_of("fit", share), budget.end.at - budget.end_of("fit").at)
     home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
     short = preserve(home, reduce_program(home, deadline=fit_by))
     if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():

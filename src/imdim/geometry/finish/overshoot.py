@@ -17,7 +17,7 @@ outside, unseen. Such cutters are prolonged here until the stray end is gone (`w
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from manifold3d import Manifold
@@ -28,7 +28,8 @@ from imdim.geometry.finish.extend import Face, apex, between, beyond, flip_face,
 from imdim.geometry.finish.posed import PosedPrimitive, diagonal
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.tolerances import NOTHING
-from imdim.geometry.solid import bounds_of, primitive_to_manifold, to_manifold, volume_iou
+from imdim.geometry.solid import COMBINE, bounds_of, primitive_to_manifold, to_manifold, volume_iou
+from imdim.program.nary import fold_nary
 from imdim.program.repeats import Folded, copies_of
 from imdim.program.roles import signs
 from imdim.program.tree import Program, leaves, map_leaves, replace_leaves
@@ -101,10 +102,8 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
     diagonal = float(np.linalg.norm(corners[1] - corners[0]))
     home = Manifold.cube(tuple(corners[1] - corners[0] + 2 * MARGIN * diagonal)).translate(tuple(corners[0] - MARGIN * diagonal))
 
-    def stray(trial: Program) -> Manifold:
-        return to_manifold(trial, CHECK_SEGMENTS) - home
-
-    out = stray(program) if _may_reach_beyond(program, bounds_of(home)) else Manifold()
+    out = to_manifold(program, CHECK_SEGMENTS) - home if _may_reach_beyond(program, bounds_of(home)) else Manifold()
+    inside = _parts_within(program, out)
     for i, sign in enumerate(signs(program)):
         for face in plane_faces(list(leaves(program))[i]) if sign < 0 else ():
             leaf = list(leaves(program))[i]
@@ -113,15 +112,29 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
             further = primitive_to_manifold(between(leaf, face, 0.0, diagonal))
             if (further ^ out).volume() <= NOTHING * solid.volume():
                 continue
-            trials = [replace_leaves(program, {i: between(leaf, face, -length(leaf, face), reach * diagonal)}) for reach in REACHES]
-            left = [stray(trial).volume() for trial in trials]
+            longer = [between(leaf, face, -length(leaf, face), reach * diagonal) for reach in REACHES]
+            # cutters take away: of each program nothing is outside that was not before
+            left = [_combine(program, [*inside[:i], *_parts_within(cutter, out), *inside[i + 1 :]]) for cutter in longer]
             # the shortest of those that leave least
-            best = next(k for k, volume in enumerate(left) if volume <= min(left) + NOTHING * solid.volume())
-            if left[best] >= out.volume() - NOTHING * solid.volume():
+            least = min(rest.volume() for rest in left) + NOTHING * solid.volume()
+            best = next(k for k, rest in enumerate(left) if rest.volume() <= least)
+            if left[best].volume() >= out.volume() - NOTHING * solid.volume():
                 continue
-            if volume_iou(to_manifold(trials[best]), solid) >= volume_iou(to_manifold(program), solid):
-                program, out = trials[best], stray(trials[best])
+            trial = replace_leaves(program, {i: longer[best]})
+            if volume_iou(to_manifold(trial), solid) >= volume_iou(to_manifold(program), solid):
+                program, out = trial, left[best]
+                inside = _parts_within(program, out)
     return program
+
+
+def _parts_within(program: Program, region: Manifold) -> list[Manifold]:
+    """What of each leaf is within a region."""
+    return [primitive_to_manifold(leaf, CHECK_SEGMENTS) ^ region for leaf in leaves(program)]
+
+
+def _combine(program: Program, solids: Sequence[Manifold]) -> Manifold:
+    """The booleans of a program, of other solids than its leaves'."""
+    return fold_nary(program, lambda i, _: solids[i], COMBINE)
 
 
 def _may_reach_beyond(program: Program, box: np.ndarray) -> bool:
