@@ -103,7 +103,7 @@ def finish_step(job: StepJob, limit_s: float) -> Exported:
         out, problems = job.process.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:
         _end(job)
-        return _last_stage(job, (error.stdout or b"").decode(), f"OpenCASCADE took more than {limit_s:g} s")  # type: ignore[union-attr]
+        return _last_stage(job, (error.stdout or b"").decode(), f"OpenCASCADE took more than {limit_s:.2g} s")  # type: ignore[union-attr]
     _end(job)
     if job.process.returncode == 0:
         return _read_stage(out.splitlines()[-1])

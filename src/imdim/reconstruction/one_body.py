@@ -39,7 +39,7 @@ from imdim.reconstruction.body_state import UNKNOWN, BodyState, put_teeth_on_sta
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside
 from imdim.reconstruction.config import Settings
-from imdim.reconstruction.delivery_time import ALLOWED_AFTER_S, leave_time_to_deliver
+from imdim.reconstruction.delivery_time import ALLOWED_AFTER_S, leave_time_for_files, leave_time_to_deliver
 from imdim.reconstruction.edge_features import SetAside, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import fit_numbers, snap_measured
 from imdim.reconstruction.hole_ends import complete_holes
@@ -138,7 +138,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         yield _state(step, seen, frame)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
-    fit_by = leave_time_to_deliver(step.program, budget.part_of("fit", share), budget.end.at - budget.end_of("fit").at)
+    fit_by = leave_time_for_files(step.program, budget.part_of("fit", share), budget.end)
     home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
     short = preserve(home, reduce_program(home, deadline=fit_by))
     if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():

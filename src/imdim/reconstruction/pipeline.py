@@ -27,7 +27,7 @@ from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import thin_front
 from imdim.reconstruction.cloud_edges import find_cloud_edges
 from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_choices, lacking, require_extra
-from imdim.reconstruction.delivery_time import leave_time_to_deliver
+from imdim.reconstruction.delivery_time import leave_time_for_files
 from imdim.reconstruction.edge_features import EdgesFound, MeasuredSizes, describe_kept, find_edge_features
 from imdim.reconstruction.fitting import find_relations
 from imdim.reconstruction.methods import CUT, METHODS, evolve_from
@@ -126,7 +126,7 @@ def _snapshots(states: Iterable[BodyState], target: Target, work: Work, left_out
     last = _without_stand_ins(last, target, work)
     relate_by, solver = work.budget.end_of("relate"), work.settings.solver
     if last.found is None:  # else they are found already
-        relate_by = leave_time_to_deliver(last.program, relate_by, work.budget.end.at - relate_by.at)
+        relate_by = leave_time_for_files(last.program, relate_by, work.budget.end)
     program, constraints = find_relations(last.program, target, last.found, relate_by) if solver else (last.program, ())
     constraints = end_together(program, constraints)
     error = last.error if program == last.program else last.measure(program)
