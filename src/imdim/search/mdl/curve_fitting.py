@@ -40,6 +40,8 @@ LEAST = 3.0  # deviations of the noise, the side of the smallest loop
 FEWEST_ARCS = 4  # curves that an ellipse may take the place of
 CONIC = 5  # numbers of an ellipse
 BENDING = 12.0  # deviations of the noise, the length of an arc that is told from a blurred corner
+SHORT = 8.0  # deviations of the noise, the chord of a piece whose points spread no less across it
+BEHIND = 6.0  # prices of a number by which a place may be dearer: an arc has one more than a line, and its fit is none of least squares
 NEWTON = 20  # steps, of which two or three are taken
 SMOOTHED = 2  # corners of a border to either side
 
@@ -259,7 +261,7 @@ def _carry(places: np.ndarray, sums: np.ndarray, first: int, last: int, sigma: f
     """The cheaper carrier of the places from `first` to `last`."""
     chord = places[last % len(places)] - places[first]
     total = sums[first:last].sum(0)
-    _, kind, x, y, u, v = _choose(total, chord[0], chord[1], 0.5 * math.log(max(total[0], 2.0)), sigma, most_turn, SAGITTA)
+    _, _, kind, x, y, u, v = _choose(total, chord[0], chord[1], 0.5 * math.log(max(total[0], 2.0)), sigma, most_turn, SAGITTA)
     if kind == 1:
         center, middle = np.array([x, y]), places[(first + last) // 2]
         arm = middle - center
@@ -410,18 +412,20 @@ def _center_of(xx, xy, yy, xz, yz, zz):  # pragma: no cover - compiled
 
 @njit(cache=True)
 def _choose(total, ux, uy, price, sigma, most_turn, sagitta):  # pragma: no cover - compiled
-    """The cost of what goes on by the chord (ux, uy), and whether it is a circle's, with its numbers: of a line a place and the direction,
-    of a circle centre, radius and 0."""
+    """The cost of what goes on by the chord (ux, uy), what any line or circle leaves of it, and whether it is a circle's, with its numbers:
+    of a line a place and the direction, of a circle centre, radius and 0."""
     _, left, x, y, angle = _carrier_of(total, 0)
     chord = math.sqrt(ux * ux + uy * uy)
-    if chord < 8 * sigma and chord > 0:  # the points of a short piece spread no less across it
+    if 0 < chord < SHORT * sigma:  # the points of a short piece spread no less across it
         angle = math.atan2(uy, ux)
         a, b, n = -uy / chord, ux / chord, total[0]
         left = a * a * (total[3] - n * x * x) + 2 * a * b * (total[4] - n * x * y) + b * b * (total[5] - n * y * y)
-    cost = left / (2 * sigma * sigma) + 2 * price
-    if left / (2 * sigma * sigma) <= price:  # no circle, with a number more, is cheaper
-        return cost, 0.0, x, y, math.cos(angle), math.sin(angle)
+    least = left / (2 * sigma * sigma)
+    cost = least + 2 * price
+    if least <= price:  # no circle, with a number more, is cheaper
+        return cost, least, 0.0, x, y, math.cos(angle), math.sin(angle)
     _, bent, cx, cy, radius = _carrier_of(total, 1)
+    least = min(least, bent / (2 * sigma * sigma))
     if bent < left and radius > sagitta * sigma and radius < 1e3 * (chord + sigma):
         # half the turn from the spread along the arc: what is more than a chord away is more than half a circle
         half = math.asin(min(chord / (2 * radius), 1.0))
@@ -430,8 +434,8 @@ def _choose(total, ux, uy, price, sigma, most_turn, sagitta):  # pragma: no cove
         if radius * (1 - math.cos(half)) > sagitta * sigma and 2 * half < most_turn and 2 * half * radius > BENDING * sigma:
             round_cost = bent / (2 * sigma * sigma) + 3 * price
             if round_cost < cost:
-                return round_cost, 1.0, cx, cy, radius, 0.0
-    return cost, 0.0, x, y, math.cos(angle), math.sin(angle)
+                return round_cost, least, 1.0, cx, cy, radius, 0.0
+    return cost, least, 0.0, x, y, math.cos(angle), math.sin(angle)
 
 
 @njit(cache=True)
@@ -440,14 +444,26 @@ def _split(places, sums, sigma, price, most_turn, sagitta):  # pragma: no cover 
     m = len(sums)
     cost, before = np.full(m + 1, np.inf), np.zeros(m + 1, np.int64)
     cost[0] = 0.0
-    for i in range(m):
-        total = np.zeros(9)
-        for j in range(i + 1, m + 1):
-            total += sums[j - 1]
+    totals, bounds, live, count = np.zeros((m, 9)), np.empty(m), np.empty(m, np.int64), 0
+    for j in range(1, m + 1):
+        live[count] = j - 1
+        count += 1
+        for k in range(count):
+            i = live[k]
+            totals[i] += sums[j - 1]
             ux, uy = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1]
-            c = cost[i] + _choose(total, ux, uy, price, sigma, most_turn, sagitta)[0]
-            if c < cost[j]:
-                cost[j], before[j] = c, i
+            c, least = _choose(totals[i], ux, uy, price, sigma, most_turn, sagitta)[:2]
+            # of a short piece more than the least may be left, and less of a longer one
+            bounds[k] = cost[i] + least if ux * ux + uy * uy >= (SHORT * sigma) ** 2 else -np.inf
+            if cost[i] + c < cost[j]:
+                cost[j], before[j] = cost[i] + c, i
+        # what is left of a piece only grows with it: from such a place none goes on that one from here would not beat (Killick 2012)
+        kept = 0
+        for k in range(count):
+            if bounds[k] < cost[j] + BEHIND * price:
+                live[kept] = live[k]
+                kept += 1
+        count = kept
     ends = [m]
     while before[ends[-1]] > 0:
         ends.append(before[ends[-1]])
