@@ -16,7 +16,7 @@ from imdim.program.tree import Program
 SOLIDS, LEAF_S, CURVE_S = 40.0, 0.15, 0.03  # solids that are made, and seconds for each leaf and curve
 # seconds that the shares leave of a noisy cloud in any case before numbers are fitted, and from then on
 ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0
-STEP_S = 4.0  # which the STEP file of a long program takes beyond what is counted
+STEP_S = 7.0  # which the STEP file of a long program takes beyond what is counted
 
 
 def leave_time_for_files(program: Program, deadline: Deadline, end: Deadline) -> Deadline:
