@@ -147,6 +147,32 @@ def test_a_budget_is_told_by_the_processor_where_that_is_the_clock():
     assert b"imdim fit" in subprocess.run(given, capture_output=True, check=True).stdout
 
 
+SPUN = r"""
+import subprocess, sys, time
+sys.path.insert(0, sys.argv[1])
+from processor import rule_the_clock
+rule_the_clock()
+spin = "import time\nwhile time.process_time() < 0.6: pass\nprint(flush=True)\ntime.sleep(0.5)"
+child = subprocess.Popen([sys.executable, "-c", spin], stdout=subprocess.PIPE)
+child.stdout.readline()
+time.sleep(0.1)
+running = time.perf_counter()
+child.wait()
+time.sleep(0.1)
+print(running, time.perf_counter())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="children's seconds are summed as Linux does")
+def test_the_clock_counts_what_other_processes_of_the_fit_have(tmp_path):
+    """While one runs, and when it has ended; not what it waits."""
+    script = tmp_path / "clock.py"
+    script.write_text(SPUN)
+    done = subprocess.run([sys.executable, str(script), str(SCRIPTS)], capture_output=True, text=True, check=True)
+    running, ended = map(float, done.stdout.split())
+    assert 0.6 <= running <= ended < running + 0.3
+
+
 def test_a_part_is_fitted_and_scored(make, tmp_path):
     out = tmp_path / "out"
     assert benchmark.main([str(make(plate=0.2)), "--out", str(out), "--budget", "20", "--set", "checkpoint=none", "--sheet"]) == 0

@@ -13,7 +13,7 @@ from tests.known_programs import KNOWN
 from tests.planted import box, cut, cylinder, mesh_of
 
 from imdim.app.fit import summary
-from imdim.deadline import Deadline
+from imdim.deadline import NEVER, Deadline
 from imdim.delivery import deliver as module
 from imdim.delivery import finish as finishing
 from imdim.delivery.deliver import OutputError, RunRecord, deliver, finish_flat
@@ -184,6 +184,15 @@ def test_no_step_is_reported_and_an_earlier_one_does_not_stay(delivered, target,
 
 
 @pytest.mark.usefixtures("without_step")
+def test_step_gets_the_time_that_is_left_when_all_else_is_written(target, tmp_path, monkeypatch):
+    """A moment where that is none, and never more than its own limit."""
+    waited: list[float] = []
+    monkeypatch.setattr(module, "finish_or_skip_step", lambda job, limit_s, *_: waited.append(limit_s) or {"program.step": "skipped: late"})
+    for by in (PASSED, Deadline(7.0, lambda: 2.0), NEVER):
+        deliver(PROGRAM, target, tmp_path / "out", RUN, step_by=by)
+    assert waited == [module.LEAST_STEP_S, 5.0, module.STEP_LIMIT_S]
+
+
 def test_a_failure_leaves_the_earlier_results(target, tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.json").write_text("earlier")

@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from functools import partial
 
 import pytest
 import trimesh
@@ -10,8 +11,10 @@ import trimesh
 from imdim.delivery.finish import FinishedProgram, finish
 from imdim.export.delivered import meanings, texts_of
 from imdim.export.edge_pieces import gather_pieces
+from imdim.export.edge_text import draw_edges
 from imdim.export.edit import change_values, lost_edges, open_delivered, solid_of
-from imdim.export.openscad_reader import read_openscad
+from imdim.export.openscad import to_openscad
+from imdim.export.openscad_reader import are_drawn, read_openscad
 from imdim.geometry.edge_solids import blend_solids, solid_with_edges
 from imdim.geometry.solid import to_manifold
 from imdim.program.codec import Meta, dumps, parse
@@ -43,6 +46,18 @@ def test_the_text_has_the_sharp_program_and_the_blended_one() -> None:
     assert to_manifold(read_openscad(text)).volume() == pytest.approx(to_manifold(found.program).volume(), rel=1e-9)
     blended = solid_with_edges(found.program, found.edges)
     assert to_manifold(read_openscad(text, blended=True)).volume() == pytest.approx(blended.volume(), rel=1e-6)
+
+
+def test_blends_of_few_statements_are_shown_though_they_hold_little() -> None:
+    """Those of three parts are shown where they take three statements, and stay behind a switch where they take more."""
+    below = EdgeFeature("chamfer", (0.5,), tuple((Face(0, "-z"), Face(0, side)) for side in ("+x", "-x", "+y", "-y")))
+    for edges, shown in (((RIM, FOOT), True), ((RIM, FOOT, below), False)):
+        found = finish(*relations_of(PROGRAM), edges=edges)
+        read = partial(read_openscad, to_openscad(found.program, 96, found.parameters))
+        drawn = draw_edges(found.edges, found.parameters.values, read, matter=False)
+        assert (len(drawn.pieces) <= 3) == shown
+        assert are_drawn(to_openscad(found.program, 96, found.parameters, drawn)) == shown
+        assert draw_edges(found.edges, found.parameters.values, read, matter=True).shown
 
 
 @pytest.mark.parametrize("factor", [0.7, 1.3])

@@ -7,7 +7,7 @@ from tests.planted import box
 
 from imdim.deadline import NEVER, Deadline
 from imdim.reconstruction import delivery_time
-from imdim.reconstruction.delivery_time import leave_time_to_deliver
+from imdim.reconstruction.delivery_time import leave_time_for_files, leave_time_to_deliver
 
 
 def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypatch):
@@ -20,3 +20,12 @@ def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypat
         monkeypatch.setattr(delivery_time, "time_solid", lambda _, clock, took=solid_s: took)
         assert leave_time_to_deliver(box(1, 1, 1), now).left() == pytest.approx(left)
     assert leave_time_to_deliver(box(1, 1, 1), NEVER).left() == math.inf
+
+
+def test_a_long_program_of_a_mesh_leaves_time_for_its_files(monkeypatch):
+    """As much as it takes beyond what there is until the end in any case, but for STEP."""
+    fit_by, end = Deadline(40.0, lambda: 5.0), Deadline(50.0, lambda: 5.0)
+    for solid_s, left in ((0.01, 35.0), (0.5, 35.0 - (delivery_time.SOLIDS * 0.5 + delivery_time.LEAF_S - (10.0 - delivery_time.STEP_S)))):
+        monkeypatch.setattr(delivery_time, "time_solid", lambda _, clock, took=solid_s: took)
+        assert leave_time_for_files(box(1, 1, 1), fit_by, end).left() == pytest.approx(left)
+    assert leave_time_for_files(box(1, 1, 1), NEVER, NEVER).left() == math.inf

@@ -6,6 +6,7 @@ solid is slow to make, are not in the shares of a budget, which fit short ones.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from imdim.deadline import Deadline
@@ -21,7 +22,7 @@ STEP_S = 7.0  # which the STEP file of a long program takes beyond what is count
 
 def leave_time_for_files(program: Program, deadline: Deadline, end: Deadline) -> Deadline:
     """The deadline of work on a mesh's program, earlier where the time from then to the `end` is too short to deliver it, with its STEP."""
-    return leave_time_to_deliver(program, deadline, max(end.at - deadline.at - STEP_S, 0.0))
+    return deadline if deadline.at == math.inf else leave_time_to_deliver(program, deadline, max(end.at - deadline.at - STEP_S, 0.0))
 
 
 def leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float = ALLOWED_S) -> Deadline:
