@@ -25,7 +25,7 @@ PLACE = {"box": 3, "ellipsoid": 3, "sphere": 3, "cylinder": 3, "cone": 3, "torus
 WAY = {"box": 3, "ellipsoid": 3, "sphere": 0, "cylinder": 2, "cone": 2, "torus": 2, "extrude": 2, "revolve": 2}
 PARALLEL_DEG = EMConfig.parallel_deg  # between directions that fits take to be one
 FEATURE = 1  # numbers' worth that say that a leaf is there: its kind, operation and place in the order, and which of its ends show
-SKIN = 0.1  # nats that a point on a skin thinner than the noise costs
+SKIN = 0.05  # nats that a point on a skin thinner than the noise costs
 
 
 def description_length(program: Program, points: np.ndarray, noise: Noise) -> float:
