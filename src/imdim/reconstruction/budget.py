@@ -44,12 +44,12 @@ SHARES: Mapping[Stage, Share] = {
     "seeds": Share(0.5, 0.4),  # evolution needs the rest
     "resume": Share(0.7),  # a person's program is evolved
     "prove": Share(0.6),  # a search that took all of its own leaves some for the last proof
-    "choose": Share(0.85),  # a noisy cloud's program is chosen; earlier where it is slow to deliver
-    "propose": Share(0.86, 0.5),  # the policy's programs, until numbers must be fitted
-    "likely": Share(0.88),  # the numbers of a noisy cloud's program are fitted
-    "measure": Share(0.9),  # it is measured how well they are known
+    "choose": Share(0.84),  # a noisy cloud's program is chosen; earlier where it is slow to deliver
+    "propose": Share(0.85, 0.5),  # the policy's programs, until numbers must be fitted
+    "likely": Share(0.87),  # the numbers of a noisy cloud's program are fitted
+    "measure": Share(0.89),  # it is measured how well they are known
     "fit": Share(0.82),  # programs are short and their numbers fitted
-    "relate": Share(0.91),  # the search for relations ends
+    "relate": Share(0.9),  # the search for relations ends
     "front": Share(0.93),  # later no other choices are looked for
 }
 
