@@ -11,7 +11,7 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, circle, loop_area
 from imdim.program.tree import Combine, Primitive
-from imdim.search.mdl.candidates.drawn_shell import drawn_shells, grow_loop
+from imdim.search.mdl.candidates.drawn_shell import draw_shells, grow_loop
 from imdim.search.mdl.candidates.shell_slot import compounds
 from imdim.search.mdl.primitive_selection import Cloud
 
@@ -67,7 +67,7 @@ def test_walls_are_open_where_the_cloud_is(loop, open_ends):
     middle = Primitive("extrude", (40.0,), (1.0, 2.0, 3.0), (20.0, 30.0, 40.0), outline=Outline((loop,)))
     meant = shell_about(middle, open_ends)
     cloud = cloud_of(meant, np.random.default_rng(1))
-    offered = list(drawn_shells(middle, WALL, cloud, SIGMA))
+    offered = list(draw_shells(middle, WALL, cloud, SIGMA))
     assert max(volume_iou(to_manifold(shell), to_manifold(meant)) for shell in offered) > 0.9
     assert any(program in offered for program in compounds([middle], cloud, WALL / 3))
 
@@ -89,6 +89,6 @@ def shell_about(middle: Primitive, ends) -> Combine:
 def test_other_parts_have_none():
     box = Primitive("box", (10.0, 10.0, 10.0))
     cloud = cloud_of(box, np.random.default_rng(0))
-    assert list(drawn_shells(box, WALL, cloud, SIGMA)) == []
+    assert list(draw_shells(box, WALL, cloud, SIGMA)) == []
     turned = Primitive("revolve", (360.0,), outline=Outline((((0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.0, 9.0, 0.0)),)))
-    assert list(drawn_shells(turned, WALL, cloud, SIGMA)) == []
+    assert list(draw_shells(turned, WALL, cloud, SIGMA)) == []

@@ -28,7 +28,7 @@ OFF, MOSTLY = 1.2, 0.6  # spacings of the cloud from its nearest point that are 
 BEYOND = 4.0  # deviations of the noise, by which a cavity goes through the face that it opens
 
 
-def drawn_shells(part: Primitive, wall: float, cloud: Cloud, sigma: float) -> Iterator[Program]:
+def draw_shells(part: Primitive, wall: float, cloud: Cloud, sigma: float) -> Iterator[Program]:
     """Walls of thickness `wall` along the drawing of an extrusion, open at the ends that bear no points, or closed all around; `sigma` is
     the deviation of the noise."""
     if part.kind != "extrude" or part.outline is None:

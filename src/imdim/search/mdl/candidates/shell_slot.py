@@ -13,7 +13,7 @@ import numpy as np
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.geometry.surface import vec
 from imdim.program.tree import FLAT_ENDS, Combine, Primitive, Program, combine_all
-from imdim.search.mdl.candidates.drawn_shell import drawn_shells
+from imdim.search.mdl.candidates.drawn_shell import draw_shells
 from imdim.search.mdl.candidates.residual import bare_ends, resize
 from imdim.search.mdl.primitive_selection import Cloud
 
@@ -29,7 +29,7 @@ def compounds(parts: Sequence[Primitive], cloud: Cloud, sigma: float) -> list[Pr
 def shells(part: Primitive, wall: float, cloud: Cloud, sigma: float) -> Iterator[Program]:
     """Walls of thickness `wall` with `part` in their middle: open at the ends that bear no points, or closed all around."""
     if part.kind == "extrude":
-        yield from drawn_shells(part, wall, cloud, sigma)
+        yield from draw_shells(part, wall, cloud, sigma)
     if part.outline is not None or part.kind not in (*FLAT_ENDS, "sphere"):
         return
     for bare in dict.fromkeys((tuple(bare_ends(part, cloud)), ())):
