@@ -105,8 +105,10 @@ def benchmarked(task: Task, part: Path, folder: Path, settings: Sequence[str]) -
         row.step = (folder / "program.step").is_file()
         result, scorer = report.get("result", {}), Path(task.scorer) if task.scorer else None
         row.distinct, row.features, row.edges = result.get("without_copies"), result.get("features"), len(report.get("edges", ()))
-        row.iou, row.hausdorff, row.primitives, row.curves = score(part, folder / "program.scad", scorer)
-        row.whole_iou = score(part, folder / "mesh.stl", scorer).iou if row.edges else row.iou
+        judged = score(part, folder / "program.scad", scorer)
+        whole = score(part, folder / "mesh.stl", scorer) if row.edges else judged
+        row.iou, row.hausdorff, row.primitives, row.curves = judged
+        row.whole_iou = whole.iou
     except (ValueError, KeyError, IndexError, OSError, subprocess.SubprocessError) as problem:
         row.stop = f"FAILED, not scored: {' '.join(str(problem).split())[:200]}"
     return row

@@ -9,9 +9,10 @@ import os
 import resource
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
-LOOK_S = 0.05
+LOOK_S = 0.05  # between two looks at what other processes have had
 CLOCKS = "wall", "processor"  # what a benchmark's budget and seconds may be told by
 
 
@@ -19,7 +20,7 @@ def processor_s(pid: int) -> float:
     """Seconds of the processor that a process has had; those of one that has ended are 0."""
     try:
         fields = _fields(pid)
-    except FileNotFoundError:
+    except (FileNotFoundError, ProcessLookupError):
         return 0.0
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -50,7 +51,11 @@ class _Clock:
 
 def _children() -> set[int]:
     """The processes that this one has started and that run."""
-    return {int(pid) for path in Path("/proc/self/task").glob("*/children") for pid in path.read_text().split()}
+    found: set[int] = set()
+    for path in Path("/proc/self/task").glob("*/children"):
+        with suppress(FileNotFoundError, ProcessLookupError):  # a thread that has just ended
+            found |= set(map(int, path.read_text().split()))
+    return found
 
 
 def rule_the_clock() -> None:

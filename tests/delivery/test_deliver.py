@@ -183,7 +183,6 @@ def test_no_step_is_reported_and_an_earlier_one_does_not_stay(delivered, target,
     assert not (tmp_path / "out" / "program.step").exists()
 
 
-@pytest.mark.usefixtures("without_step")
 def test_step_gets_the_time_that_is_left_when_all_else_is_written(target, tmp_path, monkeypatch):
     """A moment where that is none, and never more than its own limit."""
     waited: list[float] = []
@@ -193,6 +192,7 @@ def test_step_gets_the_time_that_is_left_when_all_else_is_written(target, tmp_pa
     assert waited == [module.LEAST_STEP_S, 5.0, module.STEP_LIMIT_S]
 
 
+@pytest.mark.usefixtures("without_step")
 def test_a_failure_leaves_the_earlier_results(target, tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.json").write_text("earlier")

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from tests.planted import ALONG_X, ALONG_Y, box, cone, cut, cylinder, torus, union
 
+from imdim.export.hole_names import hole_features
 from imdim.export.parameters import parametrise
 from imdim.geometry.holes import find_holes
+from imdim.program import codec
 from imdim.program.hole_groups import describe_hole
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Combine, Primitive, Program
@@ -155,3 +157,11 @@ def test_holes_are_found_in_all_directions(rotation):
 
 def test_a_step_of_next_to_nothing_is_none():
     assert only(cut(PLATE, cylinder(3, 30), cylinder(5, 10, (0, 0, 9.9995)))).kind == "through"
+
+
+def test_nothing_is_entered_through_the_tip_of_a_cone():
+    """Where a slanted wall runs out in a point, a document would have a hole of no diameter, which nobody may read."""
+    funnel = turned((17.0, 45.0), (194.0, -152.0), (200.0, -152.0), (25.0, 41.0), (0.0, 152.0))
+    program = union(funnel, cylinder(12.75, 30.0, (0.0, 0.0, 121.6)))
+    assert [hole.bore.diameter for hole in find_holes(program)] == [pytest.approx(34.0)]
+    assert codec.parse(codec.dumps(program, holes=hole_features(program)))["holes"][0]["diameter"] == pytest.approx(34.0)

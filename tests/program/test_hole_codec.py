@@ -1,7 +1,6 @@
 """Holes in documents: what they say, and what is refused."""
 
 import json
-from dataclasses import replace
 
 import pytest
 
@@ -71,10 +70,3 @@ def test_holes_that_primitives_do_not_make_are_found():
     assert find_stale(HOLES, hole_features(plate())) is None
     assert find_stale((HOLES[0], HoleFeature("blind", 9.0, 6.0, 1, (5,))), HOLES) == 1
     assert find_stale((*HOLES, HOLES[1]), HOLES) == 2
-
-
-def test_a_hole_has_sizes_only_where_all_are_positive():
-    whole = HoleFeature("through", 3.0, "through", 1, (1,))
-    assert all(hole.is_sized for hole in (whole, replace(whole, depth=5.0), replace(whole, head=(6.0, 2.0))))
-    for less in ({"diameter": 0.0}, {"depth": 0.0}, {"head": (6.0, 0.0)}, {"head": (6.0, 2.0), "depth": -1.0}):
-        assert not replace(whole, **less).is_sized

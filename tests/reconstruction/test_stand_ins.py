@@ -7,7 +7,7 @@ from tests.planted import box, cone, cut, cylinder, mesh_of, union
 import imdim
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.program.outline import Outline, circle
+from imdim.program.outline import Outline
 from imdim.program.paths import without
 from imdim.program.tree import Combine, Primitive, leaves
 from imdim.reconstruction import stand_ins
@@ -77,14 +77,6 @@ def test_boxes_become_chamfers_of_the_edges_that_they_cut():
     ]
     assert volume_iou(solid_with_edges(sharp, features), to_manifold(program)) > 1 - 1e-4
     assert take_off_stand_ins(program, target, PASSED) == (program, ())
-
-
-def test_a_seat_of_a_drawn_hole_is_no_stand_in():
-    """It is half as wide as the hole's radius, or but for what it goes on beyond; a chamfer of the rim is narrower than a third."""
-    frame = tuple((x, y, 0.0) for x, y in ((-30.0, -20.0), (30.0, -20.0), (30.0, 20.0), (-30.0, 20.0)))
-    drilled = Primitive("extrude", (10.0,), outline=Outline((frame, circle(2.0, 5.0, 5.0))))
-    assert found(cut(drilled, cone(2.05, 3.05, 1.0, (5.0, 5.0, 4.55)))) == []
-    assert found(cut(drilled, cone(2.0, 2.5, 0.5, (5.0, 5.0, 4.75)))) == [(1, "cone")]
 
 
 def test_a_fit_of_a_bevelled_bar_has_a_chamfer():

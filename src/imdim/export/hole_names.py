@@ -27,8 +27,8 @@ def hole_groups(program: Program) -> tuple[HoleGroup, ...]:
 
 
 def hole_features(program: Program) -> tuple[HoleFeature, ...]:
-    """The holes of a program, as its document has them: those that have a size, as the tip of a cone has none."""
-    return tuple(hole for group in hole_groups(program) if (hole := HoleFeature.of_group(group)).is_sized)
+    """The holes of a program, as its document has them."""
+    return tuple(HoleFeature.of_group(group) for group in hole_groups(program))
 
 
 def hole_roles(program: Program) -> list[str]:

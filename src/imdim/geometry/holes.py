@@ -203,7 +203,9 @@ class _Solid:
             is_low_open = self._is_open(low.wall, low.start, low.radius_start, -1.0)
             is_high_open = self._is_open(high.wall, high.end, high.radius_end, 1.0)
             if is_low_open or is_high_open:
-                yield _hole(chain, is_low_open, is_high_open)
+                hole = _hole(chain, is_low_open, is_high_open)
+                if hole.sections[0].diameter > 0:  # nothing is entered through the tip of a cone
+                    yield hole
 
     def _stretches(self, walls: Sequence[Wall]) -> list[_Stretch]:
         """Along an axis the walls that are there, the innermost where there are several."""

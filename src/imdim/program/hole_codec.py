@@ -48,11 +48,6 @@ class HoleFeature:
             hole.kind, _round(hole.bore.diameter), depth, len(group.holes), group.leaves, sunk, said, describe_pattern(group)
         )
 
-    @property
-    def is_sized(self) -> bool:
-        """Whether all its sizes are positive, as a document has them."""
-        return min([self.diameter, *(self.head or ()), *(() if self.depth == "through" else (self.depth,))]) > 0
-
 
 def hole_node(hole: HoleFeature) -> dict[str, Any]:
     """The node of a hole."""

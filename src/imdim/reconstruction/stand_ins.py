@@ -15,7 +15,7 @@ import trimesh
 from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
-from imdim.detection.blends import RIM, Blend, Chain
+from imdim.detection.blends import Blend, Chain
 from imdim.geometry import kernels
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.finish.active_zone import zone_within
@@ -26,6 +26,7 @@ from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.holes import find_holes
 from imdim.geometry.solid import SEGMENTS, bounds_of, exact_rotation, to_manifold, to_trimesh
 from imdim.geometry.surface import Surface, vec
+from imdim.program.holes import SUNK
 from imdim.program.paths import Path, at, leaf_paths, without
 from imdim.program.roles import signs
 from imdim.program.tree import Combine, Primitive, Program, leaves
@@ -183,8 +184,8 @@ def _seats(program: Program) -> set[int]:
 
 
 def _is_sunk(leaf: Primitive) -> bool:
-    """Whether a cone is wider than the chamfer of a rim, such as the seats of two holes that run into each other."""
-    return leaf.kind == "cone" and max(leaf.size[:2]) >= (1 + RIM) * min(leaf.size[:2])
+    """Whether a cone is as wide as the seat of a head, such as those of two holes that run into each other."""
+    return leaf.kind == "cone" and max(leaf.size[:2]) >= SUNK * min(leaf.size[:2])
 
 
 # --- slivers ------------------------------------------------------------------------------------------------------------

@@ -1,12 +1,13 @@
 """Borders are split into the row of lines and arcs that is cheapest of all."""
 
 import math
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from imdim.search.mdl import curve_fitting
-from imdim.search.mdl.curve_fitting import SAGITTA, SHORT
+from imdim.search.mdl.curve_fitting import SAGITTA
 
 SIGMA, PRICE, MOST_TURN = 0.05, 6.0, 5.5
 
@@ -63,13 +64,7 @@ def test_pieces_that_are_left_out_are_never_the_cheapest(each):
 def test_a_long_border_is_split_in_little_time(monkeypatch):
     """As many pieces as the longest curve has places are looked at for each, not as many as there are."""
     border, sums = noisy_border(np.random.default_rng(0), 120, 20)
-    asked = []
-    choose = curve_fitting._choose.py_func
-
-    def counted(total, ux, uy, *rest):
-        asked.append(math.hypot(ux, uy) < SHORT * SIGMA)
-        return choose(total, ux, uy, *rest)
-
-    monkeypatch.setattr(curve_fitting, "_choose", counted)
+    choose = Mock(wraps=curve_fitting._choose)
+    monkeypatch.setattr(curve_fitting, "_choose", choose)
     curve_fitting._split.py_func(border, sums, SIGMA, PRICE, MOST_TURN, SAGITTA)
-    assert len(asked) < 0.6 * 120 * 121 / 2
+    assert choose.call_count < 0.6 * 120 * 121 / 2

@@ -16,9 +16,9 @@ from imdim.geometry.lowering import Outlines
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.surface import vec
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, Outline, Ring, check_crossings, loop_area, nesting, ring_curves
+from imdim.program.outline import Loop, Outline, Ring, loop_area, nesting, ring_curves
 from imdim.program.tree import Combine, Primitive, Program
-from imdim.search.mdl.candidates.drawn import simplest
+from imdim.search.mdl.candidates.drawn import draw_with
 from imdim.search.mdl.primitive_selection import Cloud
 
 SHARP = 0.2  # one more than the cosine between the walls at a corner, below which nothing is drawn beside it
@@ -39,34 +39,20 @@ def draw_shells(part: Primitive, wall: float, cloud: Cloud, sigma: float) -> Ite
     found = tuple(sign for sign in (-1, 1) if _is_bare(part, part.outline, sign, cloud))
     for bare in dict.fromkeys((found, ())):
         if len(bare) == 2:
-            yield from _checked(replace(part, outline=_with_holes(outer, inner)))
+            yield from draw_with(part, [(*outer.loops, *inner.loops)])
             continue
         ends = [0.0 if sign in bare else wall / 2 for sign in (-1, 1)]
         within = [BEYOND * sigma if sign in bare else -wall / 2 for sign in (-1, 1)]
         if part.size[0] + sum(within) <= 0:
             continue
-        for whole in _checked(_between(part, outer, *ends)):
-            for cavity in _checked(_between(part, inner, *within)):
-                yield Combine("difference", whole, cavity)
+        walls, cavities = draw_with(_longer(part, *ends), [outer.loops]), draw_with(_longer(part, *within), [inner.loops])
+        yield from (Combine("difference", whole, cavity) for whole, cavity in zip(walls, cavities, strict=False))
 
 
-def _with_holes(outer: Outline, inner: Outline) -> Outline:
-    return Outline((*outer.loops, *inner.loops))
-
-
-def _between(part: Primitive, outline: Outline, below: float, above: float) -> Primitive:
-    """The extrusion of another drawing, longer by so much at either end."""
+def _longer(part: Primitive, below: float, above: float) -> Primitive:
+    """The extrusion longer by so much at either end."""
     middle = part.center + matrix_from_euler(part.rotation)[:, 2] * (above - below) / 2
-    return replace(part, size=(part.size[0] + below + above,), center=vec(middle), outline=outline)
-
-
-def _checked(leaf: Primitive) -> Iterator[Primitive]:
-    """The leaf, as plain as it is, if its loops do not cross."""
-    try:
-        check_crossings(leaf.outline or Outline(()))
-    except ValueError:
-        return
-    yield simplest(leaf)
+    return replace(part, size=(part.size[0] + below + above,), center=vec(middle))
 
 
 def _grow(outline: Outline, by: float) -> Outline | None:
@@ -93,12 +79,12 @@ def grow_loop(loop: Loop, by: float) -> Loop | None:
     ways = [_ways(*curve) for curve in curves]
     out: list[tuple[float, float, float]] = []
     for k, (x, y, bulge) in enumerate(loop):
-        (ax, ay), (bx, by_) = ways[k - 1][1], ways[k][0]
-        square = 1 + ax * bx + ay * by_
+        (ax, ay), (cx, cy) = ways[k - 1][1], ways[k][0]
+        square = 1 + ax * cx + ay * cy
         if square < SHARP:
             return None
         # to the right of both ways, as far as the curves beside them meet
-        out.append((x + way * by * (ay + by_) / square, y - way * by * (ax + bx) / square, bulge))
+        out.append((x + way * by * (ay + cy) / square, y - way * by * (ax + cx) / square, bulge))
     grown: Ring = tuple(out)
     turned = any(
         (u - x) * (p - m) + (v - y) * (q - n) <= 0 for (x, y, u, v, _), (m, n, p, q, _) in zip(curves, ring_curves(grown), strict=True)
