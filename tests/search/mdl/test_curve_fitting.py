@@ -41,7 +41,7 @@ def split_plainly(places: np.ndarray, sums: np.ndarray) -> tuple[list[int], floa
     for j in range(1, m + 1):
         for i in range(j):
             total, chord = sums[i:j].sum(0), places[j] - places[i]
-            c = cost[i] + curve_fitting._choose(total, *chord, PRICE, SIGMA, MOST_TURN, SAGITTA)[0]
+            c = cost[i] + curve_fitting._choose(total, chord[0], chord[1], PRICE, SIGMA, MOST_TURN, SAGITTA)[0]
             if c < cost[j]:
                 cost[j], before[j] = c, i
     ends = [m]
