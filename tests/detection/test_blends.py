@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -112,11 +113,23 @@ def test_narrow_chamfers_of_round_rims_are_edge_features() -> None:
     found = find_chains(drilled(0.6))
     assert [(chain.is_rim, chain.outside) for chain in found] == [(True, 1), (True, 1)]
     assert np.ravel([chain.sizes for chain in found]) == pytest.approx(4 * [0.6], rel=5e-3)
+    assert len(find_chains(drilled(1.4))) == 2  # as far as the holes' own rule goes
     assert find_chains(drilled(1.6)) == []  # countersinks
     off = sharpen(drilled(0.6), found)
     assert off is not None
     sharp = to_manifold(Combine("difference", BOX, Primitive("cylinder", (3.0, 20.0))), 64).volume()
     assert off.mesh.volume == pytest.approx(sharp, rel=1e-6)
+
+
+def test_the_chamfer_once_around_a_slot_is_an_edge_feature_however_low_its_wall_is() -> None:
+    slot = Primitive("extrude", (4.0,), outline=Outline((((-4, -2.2, 0), (4, -2.2, 1), (4, 2.2, 0), (-4, 2.2, 1)),)))
+    part = Combine("difference", Primitive("box", (30.0, 20.0, 2.4)), slot)
+    mouth = EdgeFeature("chamfer", (0.9,), tuple((Face(0, "+z"), Face(1, f"wall[0][{k}]")) for k in range(4)))
+    (chain,) = find_chains(meshed(part, mouth))
+    assert (chain.kind, chain.outside, len(chain.blends)) == ("chamfer", 1, 4)
+    assert chain.sizes == pytest.approx((0.9, 0.9), rel=5e-3)
+    opened = replace(mouth, edges=mouth.edges[:3])  # its cones at both ends, but not once around
+    assert find_chains(meshed(part, opened)) == []
 
 
 def test_what_bounds_no_solid_then_stays() -> None:

@@ -22,6 +22,7 @@ from imdim.detection.mesh_surfaces import Shown, detect_shown
 from imdim.geometry.components import components
 from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
 from imdim.program.edges import EdgeKind
+from imdim.program.holes import SUNK
 
 TANGENT = 6.0  # degrees, below which surfaces touch; coarse facets leave some
 HALF_STEP = 0.7  # of a step between facets, below which the first one touches what is beside it
@@ -38,7 +39,6 @@ SMALLEST, LARGEST = 5e-4, 0.1  # of the diagonal: a blend's size
 CORNER = 2.0  # times its squared size: the area of a small piece between blends at most
 MOSTLY = 0.7  # of a curved patch's area: one facet that has more of it is a face of its own
 STRANGE = 0.5  # of a mesh's area, that shows no carrier: beyond, it has no faces that blends could lie between
-RIM = 1 / 3  # of a hole's or a pin's radius: the chamfer of its rim at most; wider ones are countersinks, and tips
 ONE_WAY = 1.0  # degrees, within which a chain's pieces run in one direction
 
 
@@ -116,6 +116,7 @@ def chains_among(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) 
     pieces = _pieces(mesh, facets, shown)
     diagonal = float(np.linalg.norm(mesh.extents))
     found = {p.number: blend for p in pieces.values() if (blend := _blend(p, pieces, diagonal)) is not None}
+    found |= _rings(pieces, found, diagonal)
     while more := dict(_going_on(pieces, found, diagonal)) | dict(_corners(pieces, found)):
         found |= more
     chains = [Chain(tuple(found[i] for i in group)) for group in _joined(found, mesh)]
@@ -287,25 +288,36 @@ def _goes_on(surface: Surface, radius: float) -> bool:
 
 def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float, alone: bool) -> Blend | None:
     order = _chamfer_sides(piece, pieces, alone)
+    bevel = _bevel(piece, pieces, order, diagonal, [_width(pieces[i]) for i in order])
+    if bevel is None or not alone:
+        return bevel
+    one, two = (piece.beside[i].length for i in order)
+    width, (shorter, longer) = _across(piece, order), sorted((one, two))
+    if width > NARROW * min(math.sqrt(pieces[i].area) for i in order) or shorter < max(LONG * width, BESIDE * longer):
+        return None
+    return bevel if one + two >= BESIDE * sum(b.length for b in piece.beside.values()) else None
+
+
+def _bevel(piece: _Piece, pieces: Mapping[int, _Piece], order: Sequence[int], diagonal: float, room: Sequence[float]) -> Blend | None:
+    """A piece as the chamfer of the edge in which the two sides in `order` met, if it leans to both and has `room` on them."""
     if len(order) < 2:
         return None
     one, two = (piece.beside[i] for i in order)
+    width = _across(piece, order)
     if one.convex != two.convex or not all(SLOPE[0] < b.angle < SLOPE[1] for b in (one, two)):
         return None
-    width, whole = 2 * piece.area / (one.length + two.length), sum(b.length for b in piece.beside.values())
-    if not SMALLEST * diagonal < width < min(LARGEST * diagonal, *(_width(pieces[i]) for i in order)):
+    if not SMALLEST * diagonal < width < min(LARGEST * diagonal, *room):
         return None
-    if alone:
-        shorter, longer = sorted((one.length, two.length))
-        if width > NARROW * min(math.sqrt(pieces[i].area) for i in order) or shorter < max(LONG * width, BESIDE * longer):
-            return None
-        if one.length + two.length < BESIDE * whole:
-            return None
     turn = math.sin(math.radians(one.angle + two.angle))
     sizes = width * math.sin(math.radians(two.angle)) / turn, width * math.sin(math.radians(one.angle)) / turn
     a, b = (pieces[i].patch.surface for i in order)
     sign = 1 if one.convex else -1
     return Blend("chamfer", sizes, sign, piece.triangles, piece.corners, piece.patch.surface, (a, b))
+
+
+def _across(piece: _Piece, order: Sequence[int]) -> float:
+    """How wide a strip between two sides is."""
+    return 2 * piece.area / sum(piece.beside[i].length for i in order)
 
 
 def _width(piece: _Piece) -> float:
@@ -321,6 +333,26 @@ def _chamfer_sides(piece: _Piece, pieces: Mapping[int, _Piece], alone: bool) -> 
     known = [i for i in order if SLOPE[0] < piece.beside[i].angle < SLOPE[1]]
     pairs = ((a, b) for k, a in enumerate(known) for b in known[k + 1 :] if pieces[a].patch.surface != pieces[b].patch.surface)
     return list(min(pairs, key=lambda p: abs(piece.beside[p[0]].angle - piece.beside[p[1]].angle), default=order[:2]))
+
+
+def _rings(pieces: Mapping[int, _Piece], found: Mapping[int, Blend], diagonal: float) -> dict[int, Blend]:
+    """Flats and cones that touch each other once around a mouth or a boss, at one distance: the chamfer of its rim, however low its wall
+    is, as long as some of it is left."""
+    bevels: dict[int, Blend] = {}
+    for piece in pieces.values():
+        if piece.number not in found and piece.patch.surface.kind in ("plane", "cone"):
+            order = _chamfer_sides(piece, pieces, alone=False)
+            room = [pieces[i].area / piece.beside[i].length for i in order]
+            if (bevel := _bevel(piece, pieces, order, diagonal, room)) is not None:
+                bevels[piece.number] = bevel
+    beside = {
+        i: [j for j, b in pieces[i].beside.items() if j in bevels and b.angle < TANGENT and _are_alike(bevels[i], bevels[j])]
+        for i in bevels
+    }
+    ends = [i for i in bevels if len(beside[i]) != 2]
+    while ends:  # what an open run ends in is no ring, nor what that goes on from
+        ends += [j for j in beside.pop(ends.pop(), ()) if j in beside]
+    return {i: bevels[i] for i in beside}
 
 
 def _corners(pieces: Mapping[int, _Piece], found: Mapping[int, Blend]) -> Iterator[tuple[int, Blend]]:
@@ -384,7 +416,8 @@ def _is_rim(blend: Blend) -> bool:
     across = math.sin(math.radians(ONE_WAY))
     is_square = all(np.linalg.norm(np.cross(blend.carrier.axis, side.axis)) < across for side in (flat, tube))
     is_centred = np.linalg.norm(np.cross(tube.axis, np.asarray(blend.carrier.point) - tube.point)) < LIKE * tube.sizes[0]
-    return is_square and bool(is_centred) and max(blend.sizes) < RIM * tube.sizes[0]
+    radii = np.linalg.norm(np.cross(tube.axis, blend.corners - tube.point), axis=1)
+    return is_square and bool(is_centred) and bool(radii.max() < SUNK * radii.min())  # wider ones are countersinks, and tips
 
 
 def _way(blend: Blend) -> np.ndarray:
