@@ -305,7 +305,7 @@ def test_a_person_who_stops_before_there_is_a_program_gets_nothing(part, tmp_pat
 def test_a_step_file_that_took_too_long_comes_with_the_command_that_writes_it(tmp_path):
     files = {"program.step": "skipped: OpenCASCADE took more than 1 s", "program.ucad": "skipped: µcad has no polygons"}
     lines = summary({**REPORT, "files": files}, tmp_path).splitlines()
-    export = f"imdim export {tmp_path / 'program.json'} -o {tmp_path}-step waits 20 s for it"
+    export = f"imdim export {tmp_path / 'program.json'} -o {tmp_path}-step waits 60 s for it"
     assert f"  program.step skipped: OpenCASCADE took more than 1 s; {export}" in lines
     assert "  program.ucad skipped: µcad has no polygons" in lines
     assert EXPORT_S == STEP_LIMIT_S

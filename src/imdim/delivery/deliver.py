@@ -51,7 +51,7 @@ from imdim.target.target import Target, frame_meta
 
 __all__ = ["OutputError", "RunRecord", "check_untouched", "check_writable", "deliver", "finish_flat"]
 
-STEP_LIMIT_S, LEAST_STEP_S = 20.0, 1.0
+STEP_LIMIT_S, LEAST_STEP_S = 60.0, 1.0
 
 
 def deliver(

@@ -38,11 +38,11 @@ MOST_BODIES = 20  # with more of them, gaps are not looked for
 
 MOST_IN_PIECES = 4  # ways that give the right volume in too many solids, after which no way is hoped for that gives one
 
-TOGETHER = 3  # ways of doing a boolean of several at once, before it is done one after another
+TOGETHER = 1  # ways of doing a boolean of several at once, before it is done one after another, where each takes a part of the time
 
 MOST_SPREAD = 60  # leaves of a program whose intersections are done on its parts
 
-PATIENCE_S = 8.0  # for a better shape than one that will do; the whole export is given 20 s
+PATIENCE_S = 8.0  # for a better shape than one that will do; a whole export is given 60 s
 
 
 class StepError(RuntimeError):
