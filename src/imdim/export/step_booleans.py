@@ -108,7 +108,8 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
     """The program as one valid shape of the exact volume that `survives`, its faces merged; raises StepError where OpenCASCADE builds none.
 
     All booleans are done at once first. Where the result is wrong, or does not survive, they are done one by one, each compared with its
-    exact solid. Where none of that gives a shape, intersections are done on the parts of what they cut: fewer faces meet in each.
+    exact solid. Where that gives no shape, intersections are done on the parts of what they cut, where fewer faces meet in each, and only
+    then in other ways.
     """
     largest = longest(leaves(program))
     solids = [_exact_leaf(leaf) for leaf in leaves(program)]
@@ -121,21 +122,22 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
         best = _finish(plain, volume, survives)
         failure = failure if best is not None else LOST
     deadline = Deadline.of_process(PATIENCE_S)
-    for first in FIRST_WAYS if volume > 0 else ():
+    spread = spread_intersections(program)
+    for tried, first in enumerate(FIRST_WAYS if volume > 0 else ()):
         if best is not None and ((best.close and best.solids <= bodies) or deadline.has_passed()):
             break
+        if tried == 1 and best is None and spread != program and sum(1 for _ in leaves(spread)) <= MOST_SPREAD:
+            with suppress(StepError):
+                return build(spread, place, survives)
         patience = deadline if best is not None else NEVER
         shape = _build_checked(program, lambda i, leaf: _Pair(place(leaf), solids[i], 0), exact_of, first, patience)
         if shape is None or (best is not None and best.close and solids_in(shape) >= best.solids):
             continue
         found = _finish(shape, volume, survives)
         best, failure = (best, LOST) if found is None else (found, failure)
-    if best is not None:
-        return best.shape
-    spread = spread_intersections(program)
-    if spread == program or sum(1 for _ in leaves(spread)) > MOST_SPREAD:
+    if best is None:
         raise StepError(failure)
-    return build(spread, place, survives)
+    return best.shape
 
 
 class _Built(NamedTuple):
