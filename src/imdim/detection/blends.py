@@ -317,7 +317,7 @@ def _bevel(piece: _Piece, pieces: Mapping[int, _Piece], order: Sequence[int], di
 
 def _across(piece: _Piece, order: Sequence[int]) -> float:
     """How wide a strip between two sides is."""
-    return 2 * piece.area / sum(piece.beside[i].length for i in order)
+    return 2 * piece.area / max(sum(piece.beside[i].length for i in order), 1e-300)
 
 
 def _width(piece: _Piece) -> float:
@@ -342,7 +342,7 @@ def _rings(pieces: Mapping[int, _Piece], found: Mapping[int, Blend], diagonal: f
     for piece in pieces.values():
         if piece.number not in found and piece.patch.surface.kind in ("plane", "cone"):
             order = _chamfer_sides(piece, pieces, alone=False)
-            room = [pieces[i].area / piece.beside[i].length for i in order]
+            room = [pieces[i].area / max(piece.beside[i].length, 1e-300) for i in order]
             if (bevel := _bevel(piece, pieces, order, diagonal, room)) is not None:
                 bevels[piece.number] = bevel
     beside = {
