@@ -3,7 +3,7 @@
 import pytest
 from manifold3d import Manifold
 
-from imdim.geometry.census import census_of, split_surfaces
+from imdim.geometry.census import census_of, find_pieces, split_surfaces
 from imdim.geometry.solid import to_trimesh
 
 CUBE, BALL, PIN = Manifold.cube([10, 10, 10], True), Manifold.sphere(3, 32), Manifold.cylinder(20, 2, 2, 32, True)
@@ -43,5 +43,17 @@ def test_surfaces_are_split_as_they_come_with_their_own_corners():
     assert split_surfaces(split[0]) == [split[0]]
 
 
+def test_pieces_are_the_surfaces_that_enclose_enough():
+    crumb = Manifold.cube([1e-3, 1e-3, 1e-3]).translate([20, 0, 0])
+    part = (CUBE - BALL) + CUBE.translate([0, 20, 0]) + crumb
+    pieces = find_pieces(part, 1e-6)
+    assert sorted(piece.volume() for piece in pieces) == pytest.approx([-BALL.volume(), 1000, 1000])
+    assert sorted(piece.num_vert() for piece in pieces) == [8, 8, BALL.num_vert()]
+    assert len(find_pieces(part, 0.0)) == len(part.decompose()) == 4
+    assert [piece.volume() for piece in find_pieces(CUBE, 999)] == pytest.approx([1000])
+    assert find_pieces(CUBE, 1001) == []
+
+
 def test_nothing_has_no_bodies():
     assert census_of(Manifold()).kind == (0, 0, 0)
+    assert find_pieces(Manifold(), 0.0) == []

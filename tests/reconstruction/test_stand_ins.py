@@ -5,10 +5,10 @@ from tests.deadlines import PASSED
 from tests.planted import box, cone, cut, cylinder, mesh_of, union
 
 import imdim
+from imdim.geometry.census import find_pieces
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.outline import Outline
-from imdim.program.paths import without
 from imdim.program.tree import Combine, Primitive, leaves
 from imdim.reconstruction import stand_ins
 from imdim.reconstruction.edge_features import find_edge_features
@@ -34,27 +34,34 @@ def test_bevels_and_flat_cones_stand_for_blends():
 
 
 def test_what_does_not_overshoot_is_looked_at_once(monkeypatch):
-    """Cutters that stick out as far as they may do what they did; and more than slivers is no bevel, for which no solid is made anew."""
+    """Cutters that stick out as far as they may do what they did; and no solid is made anew to see what a cutter does."""
     looked: list[object] = []
     monkeypatch.setattr(stand_ins, "overshoot", lambda program, **_: program)
-    monkeypatch.setattr(stand_ins, "without", lambda program, paths: looked.append(paths) or without(program, paths))
+    monkeypatch.setattr(stand_ins, "find_pieces", lambda change, least: looked.append(change) or find_pieces(change, least))
     ridge = union(PLATE, RIDGE)
     assert take_off_stand_ins(ridge, target_from(mesh_of(ridge))) == (ridge, ())
     assert len(looked) == 1
+    monkeypatch.setattr(
+        stand_ins, "to_manifold", lambda *given: to_manifold(*given) if len(given) == 2 or given[0] in leaves(part) else None
+    )
     part = cut(PLATE, box(12.0, 50.0, 12.0, (30.0, 0.0, 5.0), (0.0, 45.0, 0.0)), box(1.0, 1.0, 1.0, (0.0, 0.0, 20.0), (0.0, 45.0, 0.0)))
     assert take_off_stand_ins(part, target_from(mesh_of(part))) == (part, ())
-    assert len(looked) == 1
 
 
-def test_what_may_be_slivers_is_all_that_is_found(monkeypatch):
-    """Also where a primitive is not added or cut: without it the rest is whole beyond it."""
+def test_the_zone_of_a_primitive_is_what_changes_without_it(monkeypatch):
+    """Except of one that an intersection keeps: without it the rest is whole beyond it."""
     kept = Combine("intersection", cylinder(30.0, 10.0), cone(39.5, 29.5, 10.0))
     foot = union(PLATE, cylinder(8.0, 20.0, (0.0, 0.0, 10.0)), cone(9.5, 8.0, 1.5, (0.0, 0.0, 5.75)))
-    programs = [kept, cut(kept, RIDGE), cut(foot, BEVEL, box(12.0, 50.0, 12.0, (-30.0, 0.0, 5.0), (0.0, 45.0, 0.0)))]
-    told = [found(program) for program in programs]
-    monkeypatch.setattr(stand_ins, "_may_be_slivers", lambda *_: True)
-    assert told == [found(program) for program in programs]
-    assert (3, "box") in told[2]
+    within = Combine("intersection", cut(PLATE, BEVEL), cylinder(34.0, 20.0))
+    programs = [kept, cut(kept, RIDGE), cut(foot, BEVEL, box(12.0, 50.0, 12.0, (-30.0, 0.0, 5.0), (0.0, 45.0, 0.0))), within]
+    told = [[(s.number, s.share) for s in find_stand_ins(program)] for program in programs]
+    monkeypatch.setattr(stand_ins, "_keeps_others", lambda *_: True)
+    anew = [[(s.number, s.share) for s in find_stand_ins(program)] for program in programs]
+    for zones, solids in zip(told, anew, strict=True):
+        assert [number for number, _ in zones] == [number for number, _ in solids]
+        assert [share for _, share in zones] == pytest.approx([share for _, share in solids])
+    assert [number for number, _ in told[2]] == [2, 3]
+    assert [number for number, _ in told[3]] == [1]
 
 
 def test_ridges_ramps_and_seats_stand_for_themselves():

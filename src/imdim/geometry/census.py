@@ -9,7 +9,7 @@ import trimesh
 from manifold3d import Manifold
 
 from imdim.geometry.components import components
-from imdim.geometry.solid import to_trimesh
+from imdim.geometry.solid import solid_of, to_trimesh
 
 CRUMB = 1e-7  # of the volume: a smaller piece is what booleans leave of faces that touch
 
@@ -35,16 +35,34 @@ def census_of(solid: Manifold, least: float = CRUMB) -> SolidCensus:
     """Count the closed surfaces of a solid that hold more than a `least` share of its volume; one that encloses a negative volume bounds
     a void."""
     volume, box, mesh = solid.volume(), solid.bounding_box(), to_trimesh(solid)
-    count, of_corner = label_surfaces(mesh)
-    of_face = of_corner[mesh.faces[:, 0]]
-    a, b, c = np.moveaxis(mesh.triangles, 1, 0)
-    volumes = np.bincount(of_face, np.einsum("ij,ij->i", a - a[:1], np.cross(b - a, c - a)) / 6, minlength=count)
-    corners, faces = np.bincount(of_corner, minlength=count), np.bincount(of_face, minlength=count)
+    of_corner, of_face, volumes = _measure_surfaces(mesh)
+    corners, faces = (np.bincount(label, minlength=len(volumes)) for label in (of_corner, of_face))
     genus = 1 - (corners - faces // 2) // 2  # Euler's formula, with three halves of a side for each face
     counted = np.abs(volumes) > least * volume
     voids = int((volumes[counted] < 0).sum())
     size = (box[3] - box[0], box[4] - box[1], box[5] - box[2])
     return SolidCensus(int(counted.sum()) - voids, int(genus[counted].sum()), voids, size, volume)
+
+
+def find_pieces(solid: Manifold, least: float) -> list[Manifold]:
+    """The closed surfaces of a solid that enclose more than a `least` volume, either way, as solids; one of a negative volume bounds a
+    void."""
+    mesh = to_trimesh(solid)
+    _, of_face, volumes = _measure_surfaces(mesh)
+    if len(volumes) < 2:
+        return [solid] * int((np.abs(volumes) > least).sum())
+    corners, ends = np.asarray(mesh.vertices), np.cumsum(np.bincount(of_face, minlength=len(volumes)))
+    own = np.split(np.asarray(mesh.faces)[np.argsort(of_face, kind="stable")], ends[:-1])
+    used = [np.unique(faces, return_inverse=True) for faces, volume in zip(own, volumes, strict=True) if abs(volume) > least]
+    return [solid_of(corners[places], sides.reshape(-1, 3)) for places, sides in used]
+
+
+def _measure_surfaces(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The surface of each corner [v] and of each face [f] of a mesh, and the volume that each surface encloses [n]."""
+    count, of_corner = label_surfaces(mesh)
+    of_face = of_corner[mesh.faces[:, 0]]
+    a, b, c = np.moveaxis(mesh.triangles, 1, 0)
+    return of_corner, of_face, np.bincount(of_face, np.einsum("ij,ij->i", a - a[:1], np.cross(b - a, c - a)) / 6, minlength=count)
 
 
 def label_surfaces(mesh: trimesh.Trimesh) -> tuple[int, np.ndarray]:

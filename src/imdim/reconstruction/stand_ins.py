@@ -17,6 +17,7 @@ from manifold3d import Manifold
 from imdim.deadline import NEVER, Deadline
 from imdim.detection.blends import Blend, Chain
 from imdim.geometry import kernels
+from imdim.geometry.census import find_pieces
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.finish.active_zone import zone_within
 from imdim.geometry.finish.extend import plane_faces
@@ -41,7 +42,7 @@ MOSTLY = 0.7  # of an area
 ALIKE = 1 - 1e-5  # cosine between normals of one plane
 NEAR = 1e-6  # of the part's diagonal
 CHORDS = 1e-3  # of a cone's radius, by which its facets miss it
-ROUGHLY = 1.1  # times SHARE; what is near it is looked at
+FAR = 2  # times SHARE
 FILM = 1e-6  # of the part's volume: a smaller piece is nothing
 PLAIN = 4  # lines of a prism at most
 SAME = 0.1  # of what a primitive does, that edges in its place may do otherwise
@@ -124,35 +125,38 @@ def find_stand_ins(
             return
         if among is not None and number not in among:
             continue
-        may = _may_stand_in(leaf, main) and number not in seats
-        rest = without(program, {path}) if may and _may_be_slivers(program, path, placed, number, volume) else None
+        if number in seats or not _may_stand_in(leaf, main):
+            continue
+        rest = without(program, {path})
         if rest is None:
             continue
-        whole, other = to_manifold(program), to_manifold(rest)
-        if abs(whole.volume() - other.volume()) > 2 * SHARE * volume:
-            continue  # far more than slivers, which takes long to tell piece by piece
         film = FILM * volume
-        pieces = [(cuts, p) for cuts, change in _changes(whole, other, film) for p in change.decompose() if p.volume() > film]
-        share = sum(p.volume() for _, p in pieces) / volume
-        slivers = [_sliver(cuts, p, leaf, rest, size) for cuts, p in pieces] if 0 < share <= SHARE else []
+        changes = _changes(program, rest, path, placed, number, SHARE * volume, film)
+        pieces = [(cuts, piece) for cuts, change in changes for piece in find_pieces(change, film)]
+        share = sum(piece.volume() for _, piece in pieces) / volume
+        slivers = [_sliver(cuts, piece, leaf, rest, size) for cuts, piece in pieces] if 0 < share <= SHARE else []
         if slivers and all(slivers):
             yield StandIn(number, leaf.kind, share, tuple(s for s in slivers if s))
 
 
-def _may_be_slivers(program: Program, path: Path, placed: list[PosedPrimitive], number: int, volume: float) -> bool:
-    """Whether what a primitive changes may be slivers, told by where in it the solid depends on it: most change far more, or nothing, which
-    takes long to see on the whole solid made anew."""
-    above = (at(program, path[:depth]) for depth in range(len(path)))
-    if any(isinstance(node, Combine) and node.op == "intersection" for node in above):
-        return True  # without it the other part is not cut any more, beyond the primitive too
-    own = placed[number].solid
-    zone = zone_within(program, placed, number, placed[number], own)
-    changed = zone.volume() if isinstance(zone, Manifold) else own.volume() if zone else 0.0
-    return FILM / 2 * volume < changed < ROUGHLY * SHARE * volume
+def _changes(
+    program: Program, rest: Program, path: Path, placed: list[PosedPrimitive], number: int, most: float, least: float
+) -> Iterator[tuple[bool, Manifold]]:
+    """What the `rest` of a program without a primitive has that the program has not, and whether that is cut by it, either way where it is
+    more than `least`; nothing where the volume differs by far more than `most`, which takes long to tell piece by piece.
 
-
-def _changes(whole: Manifold, other: Manifold, least: float) -> Iterator[tuple[bool, Manifold]]:
-    """What one solid has that the other one has not, and whether that is cut, either way where it is more than `least`."""
+    It is the active zone of the primitive, which asks for no solid as a whole, except of what an intersection keeps: without the primitive
+    the other part is not cut any more, beyond it too."""
+    if not _keeps_others(program, path):
+        own = placed[number].solid
+        zone = zone_within(program, placed, number, placed[number], own)
+        change = zone if isinstance(zone, Manifold) else own if zone else Manifold()
+        if least < change.volume() <= most:
+            yield signs(program)[number] < 0, change
+        return
+    whole, other = to_manifold(program), to_manifold(rest)
+    if abs(whole.volume() - other.volume()) > FAR * most:
+        return
     cuts = other.volume() > whole.volume()
     more, less = (other, whole) if cuts else (whole, other)
     change = more - less
@@ -160,6 +164,15 @@ def _changes(whole: Manifold, other: Manifold, least: float) -> Iterator[tuple[b
     # what is lost and gained again leaves the volume as it is
     if change.volume() - (more.volume() - less.volume()) > least:
         yield not cuts, less - more
+
+
+def _keeps_others(program: Program, path: Path) -> bool:
+    """Whether a primitive keeps what it meets in an intersection: it itself, or what others are cut out of it."""
+    for depth in range(len(path) - 1, -1, -1):
+        node = at(program, path[:depth])
+        if isinstance(node, Combine) and (node.op != "difference" or path[depth]):
+            return node.op == "intersection"
+    return False
 
 
 def _largest(program: Program) -> Primitive:

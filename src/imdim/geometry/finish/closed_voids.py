@@ -14,7 +14,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
-from imdim.geometry.census import CRUMB, SolidCensus, census_of
+from imdim.geometry.census import CRUMB, SolidCensus, census_of, find_pieces
 from imdim.geometry.finish.extend import plane_faces
 from imdim.geometry.finish.loose_bodies import LOST, OVERLAPS, REACH, FaceMove, heights, move_face, round_up, straight_walls
 from imdim.geometry.finish.tolerances import TOUCH
@@ -49,7 +49,7 @@ def _close_one(
 ) -> Program | None:
     """The program with a void less, by the move that leaves it nearest to the target; None where no move closes one."""
     now, least = volume_iou(made, solid), CRUMB * made.volume()
-    voids = sorted((body for body in made.decompose() if body.volume() < -least), key=lambda body: -body.volume())
+    voids = sorted((body for body in find_pieces(made, least) if body.volume() < 0), key=lambda body: -body.volume())
     for corners, overlap in ((corners_of(void), overlap) for void in voids for overlap in OVERLAPS):
         found: list[tuple[float, Program]] = []
         for move in _moves(program, corners, solid, overlap):

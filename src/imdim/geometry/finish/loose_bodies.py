@@ -17,7 +17,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
-from imdim.geometry.census import SolidCensus, census_of
+from imdim.geometry.census import CRUMB, SolidCensus, census_of, find_pieces
 from imdim.geometry.finish.cutter_walls import redraw_loop, straighten_run
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
 from imdim.geometry.finish.tolerances import TOUCH
@@ -71,7 +71,8 @@ def join_bodies(program: Program, solid: Manifold, deadline: Deadline = NEVER) -
 def _mend(program: Program, made: Manifold, solid: Manifold, deadline: Deadline) -> Program | None:
     """The program with one body less; None where no move does that."""
     now, before, wanted = volume_iou(made, solid), census_of(made), census_of(solid)
-    *loose, main = sorted((body for body in made.decompose() if body.volume() > 0), key=lambda body: body.volume())
+    pieces = find_pieces(made, CRUMB * made.volume())
+    *loose, main = sorted((body for body in pieces if body.volume() > 0), key=lambda body: body.volume())
     for trial in (trial for body in loose for trial in _trials(program, body, main, solid)):
         if deadline.has_passed():
             return None

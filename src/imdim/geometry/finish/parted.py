@@ -14,6 +14,7 @@ import numpy as np
 from manifold3d import Manifold, OpType
 
 from imdim.deadline import NEVER, Deadline
+from imdim.geometry.census import find_pieces
 from imdim.geometry.finish.cutter_extent import direction_of, ends_of, round_reach, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.tolerances import ALIGNED, NOTHING, TOUCH
@@ -48,8 +49,7 @@ def _parted(body: Primitive, cuts: Sequence[Program]) -> Iterator[list[Program]]
     """A body less its cuts as pieces one behind the other, along each axis along which it is parted."""
     solids = [to_manifold(cut, CHECK_SEGMENTS) for cut in cuts]
     whole = primitive_to_manifold(body, CHECK_SEGMENTS)
-    left = (whole - Manifold.batch_boolean(solids, OpType.Add)).decompose()
-    left = [piece for piece in left if piece.volume() > NOTHING * whole.volume()]
+    left = find_pieces(whole - Manifold.batch_boolean(solids, OpType.Add), NOTHING * whole.volume())
     if not 1 < len(left) <= MOST:
         return
     for axis in FLAT_ENDS[body.kind]:
