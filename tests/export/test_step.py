@@ -11,9 +11,9 @@ from tests.export.blended import CASES
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
 
-from imdim.export import step_booleans, step_worker
+from imdim.export import step, step_booleans, step_worker
 from imdim.export.placed_edges import PlacedEdges
-from imdim.export.step import StepError, read_step, shape_volume, step_volume, to_shape, write_step
+from imdim.export.step import StepError, read_step, shape_volume, step_volume, to_shape, write_stages, write_step
 from imdim.export.step_booleans import ocp
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.solid import volume
@@ -183,6 +183,32 @@ def test_an_export_that_ended_too_late_leaves_no_file_and_no_pipe(tmp_path, monk
     assert not job.out.exists()
     assert job.process.stdout.closed
     assert job.process.stderr.closed
+
+
+def test_the_first_file_stays_where_time_ends_the_look_for_a_better_one(tmp_path, monkeypatch):
+    """A part of 36 features was in two solids after 18 s, and stopped after 30 without a file."""
+    first, better = (to_shape(KNOWN["drilled block"][0]) for _ in range(2))
+
+    def build(program, place, survives):
+        for shape in (first, better):
+            assert survives(shape)
+            yield shape
+
+    monkeypatch.setattr(step, "build", build)
+    stages = write_stages(KNOWN["drilled block"][0], tmp_path / "part.step", PlacedEdges())
+    told = next(stages)
+    assert step_volume(tmp_path / "part.step") == pytest.approx(told.volume) == pytest.approx(KNOWN["drilled block"][1])
+    assert [path.name for path in tmp_path.iterdir()] == ["part.step"]
+    assert len(list(stages)) == 1
+    (tmp_path / "part.json").write_text(dumps(KNOWN["drilled block"][0]))
+    job = step_worker.start_step(tmp_path / "part.json", tmp_path / "part.step")
+
+    def late(timeout):
+        raise subprocess.TimeoutExpired("step", timeout, json.dumps([told.volume, 0, []]).encode() + b"\n[7")
+
+    monkeypatch.setattr(job.process, "communicate", late)
+    assert step_worker.finish_step(job, 1).volume == told.volume
+    assert job.out.exists()
 
 
 def test_without_opencascade_one_line_says_what_to_install(tmp_path, monkeypatch):

@@ -3,11 +3,11 @@
 import math
 
 import pytest
-from tests.planted import box
+from tests.planted import box, union
 
 from imdim.deadline import NEVER, Deadline
 from imdim.reconstruction import delivery_time
-from imdim.reconstruction.delivery_time import leave_time_for_files, leave_time_to_deliver
+from imdim.reconstruction.delivery_time import leave_time_for_files, leave_time_to_deliver, time_to_write
 
 
 def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypatch):
@@ -29,3 +29,9 @@ def test_a_long_program_of_a_mesh_leaves_time_for_its_files(monkeypatch):
         monkeypatch.setattr(delivery_time, "time_solid", lambda _, clock, took=solid_s: took)
         assert leave_time_for_files(box(1, 1, 1), fit_by, end).left() == pytest.approx(left)
     assert leave_time_for_files(box(1, 1, 1), NEVER, NEVER).left() == math.inf
+
+
+def test_the_files_of_a_long_program_take_longer():
+    few, many = (union(*(box(1, 1, 1, (2.0 * i, 0, 0)) for i in range(count))) for count in (12, 36))
+    assert time_to_write(few) == delivery_time.FILES_S
+    assert time_to_write(many) == pytest.approx(delivery_time.FILES_S + 16 * delivery_time.MORE_S)

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Snapshot]"]
 
-FILES_S = 7.0  # for the files of a program that is finished, STEP among them
 FILED_S, PICTURE_S = 1.5, 0.8  # for those of a program as it was found, and for the picture and what comes after it
 # for texts, scores and pictures, which take that long whatever the part; at most that share of a budget
 WRITING_S, WRITING_SHARE = 2.0, 0.4
@@ -135,6 +134,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
     from imdim.deadline import Deadline
     from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_untouched, check_writable, deliver
     from imdim.reconstruction import pipeline
+    from imdim.reconstruction.delivery_time import time_to_write
     from imdim.target.placement import place
     from imdim.target.target import load_target, printable
 
@@ -166,7 +166,8 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
         target = replace(target, notes=(*target.notes, *last.notes))
         left = 0.0 if last.stop in ENDED else settings.budget_s - (time.perf_counter() - start)  # who sends signals does not wait long
         beyond = STEP_SHARE * settings.budget_s
-        times = (Deadline(time.perf_counter() + left - needed) for needed in (FILES_S, FILED_S, PICTURE_S, -beyond))
+        needed_s = time_to_write(last.program), FILED_S, PICTURE_S, -beyond
+        times = (Deadline(time.perf_counter() + left - needed) for needed in needed_s)
         finish_by, name_by, draw_by, step_by = times
         found = last.program, target, folder, run, settings.segments, STEP_LIMIT_S, last.constraints, last.front, finish_by, last.edges
         with nullcontext() if last.stop in (BY_HAND, *ENDED) else finishing_first(WRITING):

@@ -52,36 +52,40 @@ class Stage(NamedTuple):
 
 
 def write_stages(program: Program, path: Path, edges: PlacedEdges, names: PartNames | None = None) -> Iterator[Stage]:
-    """Write a file as `write_step` does, first with all edges sharp and then, if it has any, another in its place; what each is."""
-    names = names or PartNames.of(program)
-    tried = read = None  # the shape that was written last, and what is read back of it
+    """Write a file as `write_step` does, first with all edges sharp, then in its place those of fewer solids and the one with its edges,
+    where there are any; what each is. A later one that is worse takes no place: whoever stops between two has the earlier one whole."""
+    names, beside = names or PartNames.of(program), path_beside(path)
+    sharp = read = None  # the latest shape that is kept, and what is read back of the one that was written last
 
     def survives(shape: Any) -> bool:
-        nonlocal tried, read
-        tried, read = shape, _write(shape, path, program, names)
+        nonlocal read
+        read = _write(shape, beside, program, names)
         return read is not None
 
+    unblended = _no_blends(edges)
     try:
-        shape = to_shape(program, survives=survives)
-    except StepError:
-        path.unlink(missing_ok=True)
-        raise
-    # a later try that was worse may lie in its place
-    written = read if tried is shape else _write(shape, path, program, names)
-    if not edges.edges:
-        yield Stage(shape_volume(written, INTEGRATION_ERROR), Blending())
-        return
-    from imdim.export.step_blends import blend_shape, no_blends
+        for sharp in to_shapes(program, survives):  # noqa: B007 - the last one is blended
+            beside.replace(path)
+            yield Stage(shape_volume(read, INTEGRATION_ERROR), unblended)
+        if not edges.edges:
+            return
+        from imdim.export.step_blends import blend_shape
 
-    yield Stage(shape_volume(written, INTEGRATION_ERROR), no_blends(edges.edges))
-    blended, blending = blend_shape(shape, program, edges, to_shape)
-    beside = path_beside(path)
-    # tolerances do not survive the file, and those of blends can be large
-    read = _write(blended, beside, program, names) if len(blending.sharp) < len(blending.edges) else None
-    if read is not None:
-        beside.replace(path)
-        yield Stage(shape_volume(read, INTEGRATION_ERROR), blending)
-    beside.unlink(missing_ok=True)
+        blended, blending = blend_shape(sharp, program, edges, to_shape)
+        # tolerances do not survive the file, and those of blends can be large
+        if len(blending.sharp) < len(blending.edges) and survives(blended):
+            beside.replace(path)
+            yield Stage(shape_volume(read, INTEGRATION_ERROR), blending)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _no_blends(edges: PlacedEdges) -> Blending:
+    if not edges.edges:
+        return Blending()
+    from imdim.export.step_blends import no_blends
+
+    return no_blends(edges.edges)
 
 
 def path_beside(path: Path) -> Path:
@@ -114,8 +118,8 @@ def step_volume(path: Path) -> float:
     return shape_volume(read_step(path), INTEGRATION_ERROR)
 
 
-def to_shape(program: Program, edges: Sequence[EdgeFeature] = (), survives: Callable[[Any], bool] = lambda _: True) -> Any:
-    """The program as a valid TopoDS_Shape that, still sharp, `survives`, with those of its edge features that OpenCASCADE can build.
+def to_shapes(program: Program, survives: Callable[[Any], bool] = lambda _: True) -> Iterator[Any]:
+    """The sharp program as a valid TopoDS_Shape that `survives`, and then perhaps better ones (`step_booleans.build`).
 
     Raises StepError when OpenCASCADE is not installed or builds none.
     """
@@ -123,7 +127,13 @@ def to_shape(program: Program, edges: Sequence[EdgeFeature] = (), survives: Call
     largest = longest(leaves(program))
     if largest < SMALLEST_SIZE:
         raise StepError(f"STEP needs a part larger than {SMALLEST_SIZE:g}, its largest size is {largest:g}")
-    shape = build(program, _place, survives)
+    yield from build(program, _place, survives)
+
+
+def to_shape(program: Program, edges: Sequence[EdgeFeature] = (), survives: Callable[[Any], bool] = lambda _: True) -> Any:
+    """The program as a valid TopoDS_Shape that, still sharp, `survives`, with those of its edge features that OpenCASCADE can build; raises
+    as `to_shapes` does."""
+    *_, shape = to_shapes(program, survives)
     if not edges:
         return shape
     from imdim.export.step_blends import blend_shape

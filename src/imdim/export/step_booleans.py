@@ -8,7 +8,7 @@ tolerance, it can lose most of a solid and still call the rest valid. Fewer edge
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import reduce
 from itertools import combinations
@@ -104,8 +104,9 @@ class _StuckError(Exception):
     """No way of doing a boolean gives the exact solid."""
 
 
-def build(program: Program, place: Callable[[Primitive], Any], survives: Callable[[Any], bool] = lambda _: True) -> Any:
-    """The program as one valid shape of the exact volume that `survives`, its faces merged; raises StepError where OpenCASCADE builds none.
+def build(program: Program, place: Callable[[Primitive], Any], survives: Callable[[Any], bool] = lambda _: True) -> Iterator[Any]:
+    """The program as a valid shape of the exact volume that `survives`, its faces merged: the first, then those in fewer solids where it is
+    in more than the exact one has. Each is the one that was asked last whether it survives. Raises StepError where OpenCASCADE builds none.
 
     All booleans are done at once first. Where the result is wrong, or does not survive, they are done one by one, each compared with its
     exact solid. Where that gives no shape, intersections are done on the parts of what they cut, where fewer faces meet in each, and only
@@ -120,7 +121,10 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
     best: _Built | None = None
     if _fits(plain, volume, ROUGH):
         best = _finish(plain, volume, survives)
-        failure = failure if best is not None else LOST
+        if best is None:
+            failure = LOST
+        else:
+            yield best.shape
     deadline = Deadline.of_process(PATIENCE_S)
     spread = spread_intersections(program)
     for tried, first in enumerate(FIRST_WAYS if volume > 0 else ()):
@@ -128,16 +132,20 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
             break
         if tried == 1 and best is None and spread != program and sum(1 for _ in leaves(spread)) <= MOST_SPREAD:
             with suppress(StepError):
-                return build(spread, place, survives)
+                yield from build(spread, place, survives)
+                return
         patience = deadline if best is not None else NEVER
         shape = _build_checked(program, lambda i, leaf: _Pair(place(leaf), solids[i], 0), exact_of, first, patience)
         if shape is None or (best is not None and best.close and solids_in(shape) >= best.solids):
             continue
         found = _finish(shape, volume, survives)
-        best, failure = (best, LOST) if found is None else (found, failure)
+        if found is None:
+            failure = LOST
+        else:
+            best = found
+            yield best.shape
     if best is None:
         raise StepError(failure)
-    return best.shape
 
 
 class _Built(NamedTuple):

@@ -4,8 +4,9 @@
 FEATURES, EDGES], writes the file, in millimetres whatever the units of the document, and prints its re-read volume; a failure is one line
 on stderr. FEATURES are the names of the features; where there are none, they are found once more. EDGES are where those of edge features
 lie, in millimetres: who asks has compiled kernels, which take a second to load, to find them with.
-A part with edge features is written, and told, twice: sharp, then with as many of them as OpenCASCADE can blend. If it fails on these the
-sharp one stays. It ends with the process that started it, however that ends: its standard input closes then.
+A part is written, and told, as soon as there is a valid file of it, and again where there is a better one: in fewer solids, then with as
+many of its edge features as OpenCASCADE can blend. If it fails on these, or is stopped, the last one stays. It ends with the process that
+started it, however that ends: its standard input closes then.
 """
 
 from __future__ import annotations
@@ -115,8 +116,8 @@ def _last_stage(job: StepJob, out: str, reason: str) -> Exported:
     """What stands although the export did not end; raises StepError, and leaves no file, when that is nothing."""
     path_beside(job.out).unlink(missing_ok=True)
     stages = [line for line in out.splitlines(keepends=True) if line.endswith("\n")]
-    if not stages or not _read_stage(stages[-1]).edges:
-        job.out.unlink(missing_ok=True)  # it may have ended just before it was stopped
+    if not stages:
+        job.out.unlink(missing_ok=True)  # it may have been written just before the process was stopped
         raise StepError(reason)
     return _read_stage(stages[-1])._replace(reason=reason)
 

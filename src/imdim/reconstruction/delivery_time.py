@@ -18,6 +18,12 @@ SOLIDS, LEAF_S, CURVE_S = 40.0, 0.15, 0.03  # solids that are made, and seconds 
 # seconds that the shares leave of a noisy cloud in any case before numbers are fitted, and from then on
 ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0
 STEP_S = 7.0  # which the STEP file of a long program takes beyond what is counted
+FILES_S, MORE_S, FEW = 7.0, 0.6, 20  # for the files of a finished program, STEP among them, and for those of each primitive beyond a few
+
+
+def time_to_write(program: Program) -> float:
+    """How many seconds the files of a finished program take: OpenCASCADE needs 10 to 20 for the solid of a long one."""
+    return FILES_S + MORE_S * max(count(program).primitives - FEW, 0)
 
 
 def leave_time_for_files(program: Program, deadline: Deadline, end: Deadline) -> Deadline:
