@@ -15,6 +15,8 @@ from imdim.program.cost import count
 from imdim.program.tree import Program
 
 SOLIDS, LEAF_S, CURVE_S = 40.0, 0.15, 0.03  # solids that are made, and seconds for each leaf and curve
+FITTED = 20.0  # solids that are made while numbers are fitted
+OWN = 0.5  # of the time that a search has left, which it keeps
 # seconds that the shares leave of a noisy cloud in any case before numbers are fitted, and from then on
 ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0
 STEP_S = 7.0  # which the STEP file of a long program takes beyond what is counted
@@ -29,6 +31,15 @@ def time_to_write(program: Program) -> float:
 def leave_time_for_files(program: Program, deadline: Deadline, end: Deadline) -> Deadline:
     """The deadline of work on a mesh's program, earlier where the time from then to the `end` is too short to deliver it, with its STEP."""
     return deadline if deadline.at == math.inf else leave_time_to_deliver(program, deadline, max(end.at - deadline.at - STEP_S, 0.0))
+
+
+def leave_time_to_fit(program: Program, search_by: Deadline, fit_by: Deadline, end: Deadline) -> Deadline:
+    """The deadline of the search for a mesh's program, earlier where fitting it until `fit_by`, or what comes before the `end`, would have
+    too little time left: rounding and joining make its solid again and again too. A part of the search's own time stays in any case:
+    what is long at first may become shorter."""
+    fit_by = leave_time_for_files(program, fit_by, end)
+    leave = replace(fit_by, at=fit_by.at - FITTED * time_solid(program, fit_by.now))
+    return search_by.earlier(leave.later(search_by.ahead(OWN * search_by.left())))
 
 
 def leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float = ALLOWED_S) -> Deadline:

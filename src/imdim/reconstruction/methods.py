@@ -31,6 +31,7 @@ from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.budget import Budget, Stage
 from imdim.reconstruction.config import Settings
+from imdim.reconstruction.delivery_time import leave_time_to_fit
 from imdim.reconstruction.description import describe_bits
 from imdim.reconstruction.design_events import PartBox
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
@@ -44,7 +45,7 @@ from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.decision_tree import DecisionTreeConfig
 from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.layers import draw_layers, find_layers
-from imdim.search.lns import LocalConfig
+from imdim.search.lns import LocalConfig, RatedSequence
 from imdim.search.mdl.primitive_selection import Cloud
 from imdim.search.minimal_ranges import tidy
 from imdim.search.outline_areas import draw_area
@@ -444,7 +445,13 @@ def _search_structure(run: Run, proofs: Proofs, is_promising: Callable[[Program]
     patterns = seen.copies_once and seen.evidence.exact
     local = LocalConfig(kinds=not seen.copies_once)
     config, start_by = StructureConfig(size_weight=seen.size_weight, patterns=patterns, local=local), run.part_of("starts")
-    for found in search_structure(seen.families, config, run.rng, deadline, sharpener, start_by):
+
+    def better_by(found: RatedSequence) -> Deadline:
+        if seen.noisy or deadline.at == math.inf:
+            return deadline
+        return leave_time_to_fit(to_program(found.sequence, found.families), deadline, run.part_of("fit"), run.budget.end)
+
+    for found in search_structure(seen.families, config, run.rng, deadline, sharpener, start_by, better_by):
         if not found.sequence:  # in noise no cell of a thin part need be inside
             continue
         program = to_program(found.sequence, found.families)

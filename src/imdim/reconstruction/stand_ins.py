@@ -101,9 +101,10 @@ def _find_both_ways(program: Program, deadline: Deadline, known: Set[int]) -> It
     asked = {i for i, leaf in enumerate(leaves(program)) if i not in known and _may_stand_in(leaf, main)} - seats
     if not asked:
         return
-    found = list(find_stand_ins(program, deadline, asked))
-    yield from found
-    asked -= {s.number for s in found}
+    told = dict(_look(program, deadline, asked))
+    yield from filter(None, told.values())
+    # what changes far more than slivers is no bevel that ends a hair too early
+    asked = {number for number, stand_in in told.items() if stand_in is None}
     others = {(i, face) for i, leaf in enumerate(leaves(program)) if i not in asked for face in plane_faces(leaf)}
     longer = overshoot(program, deadline=deadline, kept=others)
     # what does not overshoot does what it did
@@ -117,6 +118,13 @@ def find_stand_ins(
 ) -> Iterator[StandIn]:
     """Those of a program (of the primitives `among` these numbers), without its edge features; a `rough` solid of it is made unless given.
     The seats of heads and the points of drills are of their holes, and are none."""
+    return (stand_in for _, stand_in in _look(program, deadline, among, rough) if stand_in is not None)
+
+
+def _look(
+    program: Program, deadline: Deadline, among: Container[int] | None = None, rough: Manifold | None = None
+) -> Iterator[tuple[int, StandIn | None]]:
+    """The primitives whose change is hardly larger than slivers, by their numbers, and those of them that stand for a blend."""
     rough, seats = to_manifold(program, CHECK_SEGMENTS) if rough is None else rough, _seats(program)
     volume, size = rough.volume(), float(np.linalg.norm(np.diff(bounds_of(rough), axis=0)))
     main, placed = _largest(program), [PosedPrimitive(leaf, SEGMENTS) for leaf in leaves(program)]
@@ -131,19 +139,21 @@ def find_stand_ins(
         if rest is None:
             continue
         film = FILM * volume
-        changes = _changes(program, rest, path, placed, number, SHARE * volume, film)
+        changes = list(_changes(program, rest, path, placed, number, FAR * SHARE * volume, film))
+        if not changes:
+            continue
         pieces = [(cuts, piece) for cuts, change in changes for piece in find_pieces(change, film)]
         share = sum(piece.volume() for _, piece in pieces) / volume
         slivers = [_sliver(cuts, piece, leaf, rest, size) for cuts, piece in pieces] if 0 < share <= SHARE else []
-        if slivers and all(slivers):
-            yield StandIn(number, leaf.kind, share, tuple(s for s in slivers if s))
+        is_one = slivers and all(slivers)
+        yield number, StandIn(number, leaf.kind, share, tuple(s for s in slivers if s)) if is_one else None
 
 
 def _changes(
     program: Program, rest: Program, path: Path, placed: list[PosedPrimitive], number: int, most: float, least: float
 ) -> Iterator[tuple[bool, Manifold]]:
     """What the `rest` of a program without a primitive has that the program has not, and whether that is cut by it, either way where it is
-    more than `least`; nothing where the volume differs by far more than `most`, which takes long to tell piece by piece.
+    more than `least`; nothing where the volume differs by more than `most`, which takes long to tell piece by piece.
 
     It is the active zone of the primitive, which asks for no solid as a whole, except of what an intersection keeps: without the primitive
     the other part is not cut any more, beyond it too."""
@@ -155,7 +165,7 @@ def _changes(
             yield signs(program)[number] < 0, change
         return
     whole, other = to_manifold(program), to_manifold(rest)
-    if abs(whole.volume() - other.volume()) > FAR * most:
+    if abs(whole.volume() - other.volume()) > most:
         return
     cuts = other.volume() > whole.volume()
     more, less = (other, whole) if cuts else (whole, other)

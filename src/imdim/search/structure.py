@@ -13,7 +13,7 @@ from itertools import chain
 
 import numpy as np
 
-from imdim.deadline import Deadline
+from imdim.deadline import NEVER, Deadline
 from imdim.search.candidate_families import Families
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.lazy_bounds import GainBounds
@@ -64,11 +64,13 @@ def search(
     deadline: Deadline,
     sharpener: Sharpener | None = None,
     start_by: Deadline | None = None,
+    better_by: Callable[[RatedSequence], Deadline] = lambda _: NEVER,
 ) -> Iterator[RatedSequence]:
     """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume. What is independent
     is computed side by side where there is a second core, with the same result.
 
-    Past `start_by` (by default the `deadline`) there is no further start, the foremost get the rest of the time. With a sharpener the cells
+    Past `start_by` (by default the `deadline`) there is no further start, the foremost get the rest of the time, until `better_by` of the
+    best at the latest. With a sharpener the cells
     are added on which these are wrong unseen, and what is found from then on is judged on them too.
     """
     exact = Price(config.size_weight * families.cells.volume)
@@ -79,6 +81,7 @@ def search(
         if done[0].sequence and (best is None or done[0].objective < best.objective):
             best = done[0]
             yield best
+    deadline = deadline if best is None else deadline.earlier(better_by(best))
     for again in range(config.local_searches if sharpener else 1):
         judged = _sharpen_finalists(finalists, sharpener, config, exact, deadline)
         if judged:
