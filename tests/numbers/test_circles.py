@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.geometry.solid import exact_rotation, to_manifold, volume_iou
 from imdim.numbers.circles import round_circles
 from imdim.program.outline import Outline
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
@@ -97,6 +97,31 @@ def test_what_is_turned_about_its_own_middle_stays_there() -> None:
     out = list(leaves(round_circles(before, after, lambda trial: True)))
     assert [leaf.size for leaf in out][1:] == [(4.1,)] * 3
     assert all(leaf.center == pytest.approx((3.0, 4.0, 9.0)) for leaf in out[1:])
+
+
+TUBE = Outline((((1.0, -3.0, 0.0), (2.0002, -3.0, 0.0), (2.0002, 3.0, 0.0), (1.0, 3.0, 0.0)),))
+
+
+@pytest.mark.parametrize(("tilt", "straightened"), [(1e-4, True), (2.0, False)])
+def test_drawn_copies_keep_their_rounded_drawing_and_a_hair_of_turn(tilt: float, straightened: bool) -> None:
+    """Three turned rings that look 1e-4 degrees past their hub got their first drawing and that angle back; what is turned by more about the
+    hub was rounded for itself, and is turned as it was."""
+    centers = [(3.0 + 15.0 * math.cos(math.radians(120.0 * k)), 4.0 + 15.0 * math.sin(math.radians(120.0 * k)), 9.0) for k in range(3)]
+    rings = [Primitive("revolve", (360.0,), c, (0.0, 90.0, 120.0 * k + tilt), TUBE) for k, c in enumerate(centers)]
+    rounder = Outline((tuple((round(x, 3), y, b) for x, y, b in TUBE.loops[0]),))
+    before = combine_all("union", [DISC, *rings])
+    after = map_leaves(
+        before,
+        lambda i, leaf: (
+            replace(leaf, outline=rounder, rotation=(0.0, 90.0, 120.0 * (i - 1)), center=(*leaf.center[:2], 9.0 + i)) if i else leaf
+        ),
+    )
+    out = list(leaves(round_circles(before, after, lambda trial: True)))[1:]
+    assert len({leaf.center[2] for leaf in out}) == 1
+    assert {leaf.outline for leaf in out} == {rounder if straightened else TUBE}
+    for k, leaf in enumerate(out):
+        axis = exact_rotation(leaf)[:, 2]
+        assert math.degrees(math.atan2(axis[1], axis[0])) % 120.0 == pytest.approx(0.0 if straightened else tilt, abs=1e-9), k
 
 
 @pytest.mark.parametrize("flipped", [False, True])

@@ -1,11 +1,12 @@
 """Places that are one but for a hair are found across leaves and kinds, and made one; arcs go on touching the walls that move."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from imdim.numbers.design_values import LENGTH
-from imdim.numbers.shared_numbers import SharedNumber, find_split_numbers, share_number
+from imdim.numbers.shared_numbers import SharedNumber, find_parted_lengths, find_split_numbers, share_number
 from imdim.program.outline import Outline, arc_center, arc_radius, circle, circle_of, ring_curves
 from imdim.program.tree import Primitive
 
@@ -79,6 +80,27 @@ def test_radii_that_are_all_but_one_are_one():
 def test_what_is_shared_is_the_roundest_number_between_them(low, high, target):
     ends = [Primitive("box", (40.0, 4.0, 4.0), (low - 20.0, 0.0, 0.0)), Primitive("box", (40.0, 6.0, 3.0), (high - 20.0, 0.0, 0.0))]
     assert target in [found.target for found in find_split_numbers(ends, 2e-3)]
+
+
+TUBE = Outline((((2.0, -4.0, 0.0), (5.0, -4.0, 0.0), (5.0, 4.0, 0.0), (2.0, 4.0, 0.0)),))
+
+
+def test_the_wall_of_a_turned_part_has_the_radius_of_the_hole_that_it_fills_again():
+    """A hole of 21 and a ring of 20.983 in it, both 20.98275 before they were rounded, were bodies apart."""
+    ring = Primitive("revolve", (360.0,), rotation=(0.0, 90.0, 60.0), outline=TUBE)
+    before = (Primitive("cylinder", (5.0, 12.0)), ring, Primitive("cylinder", (2.0, 12.0)))
+    drawn = Outline((tuple((5.002 if x == 5 else x, y, b) for x, y, b in TUBE.loops[0]),))
+    after = (Primitive("cylinder", (5.1, 12.0)), replace(ring, outline=drawn), Primitive("cylinder", (2.0, 12.0)))
+    (choices,) = find_parted_lengths(before, after, 1e-6)
+    assert [choice.target for choice in choices] == [5.1, 5.002]
+    for choice in choices:
+        hole, filled, _ = share_number(after, choice)
+        assert hole.size == (choice.target, 12.0)
+        assert filled.outline.bounds[1] == pytest.approx((choice.target, 4.0), abs=1e-9)
+        assert filled.outline.bounds[0] == (2.0, -4.0)
+        assert find_parted_lengths(before, (hole, filled, after[2]), 1e-6) == []
+    assert find_parted_lengths(after, after, 1e-6) == []
+    assert find_parted_lengths(before, (after[0], Primitive("box", (1.0, 1.0, 1.0)), after[2]), 1e-6) == []
 
 
 def test_what_is_further_apart_or_would_have_no_size_stays():

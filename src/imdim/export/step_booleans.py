@@ -283,6 +283,8 @@ def boolean(name: str, keep: Sequence[Any], tools: Sequence[Any], fuzzy: float =
             listed.Append(shape)
         setter(listed)
     operation.SetFuzzyValue(fuzzy)
+    operation.SetUseOBB(True)  # fewer pairs of faces are looked at where parts lie aslant
+    operation.SetRunParallel(True)  # who waits for it has nothing else to do
     operation.Build()
     if not operation.IsDone():
         raise StepError(f"OpenCASCADE failed to {name.lower()} {len(keep) + len(tools)} shapes")

@@ -10,12 +10,12 @@ from dataclasses import replace
 
 from imdim.numbers.design_values import grids, round_to_grid
 from imdim.numbers.inches import are_inches
-from imdim.program.motions import move_leaf, turn
+from imdim.program.motions import is_round, move_leaf, turn
 from imdim.program.patterns.detect import extent, fold_repeats
 from imdim.program.repeats import Repeat, repeats
 from imdim.program.rewrite.containment import axes
-from imdim.program.tree import Primitive, Program, Vec3, leaves, replace_leaves
-from imdim.program.vectors import dot, minus, plus, times
+from imdim.program.tree import Primitive, Program, Vec3, leaves, longest, replace_leaves
+from imdim.program.vectors import cross, dot, minus, plus, times
 
 SAME = 1e-9  # of the part's size
 MOST, FINEST = 1e-3, 1e-6  # of it: by how much a radius is rounded at most, and to what at least
@@ -57,7 +57,10 @@ def _circles(
     hub = _hub(repeat, old, new, members, size)
     # what is turned least is as round as it was
     first = min(range(len(members)), key=lambda k: sorted(map(abs, minus(old[members[k]].center, repeat.point))))
-    leaf = replace(old[members[first]], size=new[members[first]].size)
+    was, now = old[members[first]], new[members[first]]
+    # rounded as it stands it points nowhere else; what a coarse grid of degrees turned away from the hub does
+    is_turned = not _is_as_turned(was, now, FINEST * size)
+    leaf = _with_sizes(was, now) if is_turned else now
     lift = times(repeat.axis, dot(minus(new[members[first]].center, hub), repeat.axis))
     arm = minus(old[members[first]].center, repeat.point)
     arm = minus(arm, times(repeat.axis, dot(arm, repeat.axis)))
@@ -68,8 +71,21 @@ def _circles(
             if abs(rounded - radius) <= MOST * size:
                 # copies that are turned about their own middle have no arm
                 placed = replace(leaf, center=plus(plus(hub, lift), times(arm, rounded / radius if radius else 0.0)))
-                angles = (repeat.angle * (k - first) + turned for k in range(len(members)))
+                there = move_leaf(placed, turn(hub, repeat.axis, turned))
+                placed = there if is_turned else replace(placed, center=there.center)
+                angles = (repeat.angle * (k - first) for k in range(len(members)))
                 yield {i: move_leaf(placed, turn(hub, repeat.axis, angle)) for i, angle in zip(members, angles, strict=True)}
+
+
+def _is_as_turned(a: Primitive, b: Primitive, slack: float) -> bool:
+    """Whether a leaf is turned as another, or the other way about, but for what moves it by no more than `slack`."""
+    columns = list(zip(axes(a), axes(b), strict=True))[2 if is_round(a) else 0 :]
+    return max(math.hypot(*cross(one, two)) for one, two in columns) * longest([a]) <= slack
+
+
+def _with_sizes(leaf: Primitive, other: Primitive) -> Primitive:
+    """A leaf with the sizes of another, and with its drawing where that is turned likewise."""
+    return replace(leaf, size=other.size, outline=other.outline if leaf.rotation == other.rotation else leaf.outline)
 
 
 def _angle_to_step(arm: Vec3, axis: Vec3, radius: float, size: float) -> float:
@@ -92,7 +108,7 @@ def _row(repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tu
     first = new[members[0]]
     moves = [any(step[a] for step in repeat.steps) for a in range(3)]
     centers = [tuple(old[i].center[a] if moves[a] else first.center[a] for a in range(3)) for i in members]
-    return {i: replace(old[i], size=first.size, center=(x, y, z)) for i, (x, y, z) in zip(members, centers, strict=True)}
+    return {i: replace(_with_sizes(old[i], first), center=(x, y, z)) for i, (x, y, z) in zip(members, centers, strict=True)}
 
 
 def _hub(repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tuple[int, ...], size: float) -> Vec3:

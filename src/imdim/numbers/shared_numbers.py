@@ -1,7 +1,7 @@
 """Places and radii of several leaves that are one but for a hair: rounding a leaf at a time parts what was drawn as one.
 
 A place is that of a box's side, of the end of a cylinder, cone or extrusion, of an axis or a centre, or of a straight wall of an outline.
-Radii are those of leaves and of arcs, among the other lengths of leaves.
+Radii are those of leaves, of arcs and of the walls that a turned outline has along its axis, among the other lengths of leaves.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.numbers.design_values import LENGTH, Values, decimal, grids, is_level, round_to_grid
+from imdim.numbers.design_values import LENGTH, Values, decimal, grids, is_level, plainest_first, round_to_grid
 from imdim.numbers.outline_grids import OutlineGrids
 from imdim.numbers.outline_values import redraw_leaf
 from imdim.program.outline import arc_radius, ring_curves
@@ -62,6 +62,20 @@ def find_split_numbers(parts: Sequence[Primitive], hair: float) -> list[SharedNu
     return found
 
 
+def find_parted_lengths(before: Sequence[Primitive], after: Sequence[Primitive], slack: float) -> list[list[SharedNumber]]:
+    """Lengths of several leaves that were equal `before`, within the slack, and are no longer `after`: for each group of them what they may
+    be instead, the plainest of what they are now first. Leaves that are read otherwise now are left out."""
+    pairs: list[tuple[float, float]] = []
+    for old, new in zip(before, after, strict=True):
+        were, are = (sorted(value for kind, value in _numbers(leaf) if kind == LENGTH) for leaf in (old, new))
+        pairs += zip(were, are, strict=True) if len(were) == len(are) else ()
+    pairs.sort()
+    values = np.array(pairs).reshape(-1, 2)
+    groups = np.split(values[:, 1], np.flatnonzero(np.diff(values[:, 0]) > slack) + 1)
+    parted = (group for group in groups if len(group) and np.ptp(group) > ONE * longest(after))
+    return [[SharedNumber(LENGTH, group.min(), group.max(), target) for target in plainest_first(group)] for group in parted]
+
+
 def _roundest(low: float, high: float) -> float:
     """The multiple of the widest decimal grid that has one from `low` to `high`, or hardly beyond."""
     beyond = BEYOND * (high - low)
@@ -88,6 +102,8 @@ def _share(leaf: Primitive, shared: SharedNumber) -> Primitive:
         if shared.kind != LENGTH and frame[shared.kind, column]:
             levels[c] = (float(frame[shared.kind, column]) * shared.target,)
     radii = (shared.target,) if shared.kind == LENGTH else ()
+    if leaf.kind == "revolve":
+        levels[0] = radii
     # radii and centres that no longer are what they were keep no more digits than tell them
     fine = FINE * 10.0 ** math.floor(math.log10(longest([leaf])))
     slack = fine + max(abs(shared.target - shared.low), abs(shared.high - shared.target))
@@ -105,11 +121,14 @@ def _read(values: Values) -> Iterator[Number]:
 
 
 def _drawn_numbers(leaf: Primitive) -> Iterator[Number]:
-    """Where the straight walls of an outline are along the axes of the world, if the leaf lies along these, and the radii of its arcs."""
+    """Where the straight walls of an outline are along the axes of the world, if the leaf lies along these, and the radii of its arcs and,
+    of a turned one, of its walls along the axis."""
     if leaf.outline is None:
         return
     curves = [curve for loop in leaf.outline.rings for curve in ring_curves(loop)]
     yield from ((LENGTH, decimal(arc_radius(curve))) for curve in curves if curve[4])
+    if leaf.kind == "revolve":
+        yield from ((LENGTH, decimal(curve[0])) for curve in curves if not curve[4] and curve[0] == curve[2] > 0)
     if not is_level(leaf):
         return
     frame = np.round(matrix_from_euler(leaf.rotation))

@@ -26,7 +26,7 @@ from imdim.numbers.design_values import Values, decimal, find_parted_groups, pla
 from imdim.numbers.inches import are_inches
 from imdim.numbers.origin import find_offset
 from imdim.numbers.precision import precision_of
-from imdim.numbers.shared_numbers import find_split_numbers, share_number
+from imdim.numbers.shared_numbers import find_parted_lengths, find_split_numbers, share_number
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.outline import are_near
@@ -214,13 +214,17 @@ class _Rounding:
         return rejoined(values) or out
 
     def _share_numbers(self, out: Program, most: float, caution: float) -> Program:
-        """Places and radii that are a hair from each other made one, if the solid bears it."""
+        """Lengths that were equal, of drawings too, made equal again, and places and radii that are a hair from each other made one, if the
+        solid bears it."""
         spent, parts = self._costs(out), tuple(leaves(out))
 
         def bears(parts: tuple[Primitive, ...]) -> bool:
             trial = map_leaves(out, lambda i, _: parts[i])
             return self._bears(trial, caution, spent, SHARED) and self.distance(trial) <= most
 
+        for rank in range(CHOICES):
+            parted = find_parted_lengths(list(leaves(self.plain)), parts, SAME_SIZE * longest(parts))
+            parts = accept_changes(parts, [offers[rank] for offers in parted if rank < len(offers)], share_number, bears, SNAP_TRIES)
         split = find_split_numbers(parts, HAIR * longest(parts)) if self.precision else []
         parts = accept_changes(parts, split, share_number, bears, SNAP_TRIES)
         return map_leaves(out, lambda i, _: parts[i])
