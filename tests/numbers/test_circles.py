@@ -104,24 +104,24 @@ TUBE = Outline((((1.0, -3.0, 0.0), (2.0002, -3.0, 0.0), (2.0002, 3.0, 0.0), (1.0
 
 @pytest.mark.parametrize(("tilt", "straightened"), [(1e-4, True), (2.0, False)])
 def test_drawn_copies_keep_their_rounded_drawing_and_a_hair_of_turn(tilt: float, straightened: bool) -> None:
-    """Three turned rings that look 1e-4 degrees past their hub got their first drawing and that angle back; what is turned by more about the
-    hub was rounded for itself, and is turned as it was."""
+    """Three turned rings that look 1e-4 degrees past their hub got their first drawing and that angle back; what is turned by more was
+    rounded for itself, and is turned as it was."""
     centers = [(3.0 + 15.0 * math.cos(math.radians(120.0 * k)), 4.0 + 15.0 * math.sin(math.radians(120.0 * k)), 9.0) for k in range(3)]
     rings = [Primitive("revolve", (360.0,), c, (0.0, 90.0, 120.0 * k + tilt), TUBE) for k, c in enumerate(centers)]
     rounder = Outline((tuple((round(x, 3), y, b) for x, y, b in TUBE.loops[0]),))
     before = combine_all("union", [DISC, *rings])
-    after = map_leaves(
-        before,
-        lambda i, leaf: (
-            replace(leaf, outline=rounder, rotation=(0.0, 90.0, 120.0 * (i - 1)), center=(*leaf.center[:2], 9.0 + i)) if i else leaf
-        ),
-    )
+
+    def rounded(i: int, leaf: Primitive) -> Primitive:
+        return replace(leaf, outline=rounder, rotation=(0.0, 90.0, 120.0 * (i - 1)), center=(*leaf.center[:2], 9.0 + i)) if i else leaf
+
+    after = map_leaves(before, rounded)
     out = list(leaves(round_circles(before, after, lambda trial: True)))[1:]
     assert len({leaf.center[2] for leaf in out}) == 1
     assert {leaf.outline for leaf in out} == {rounder if straightened else TUBE}
     for k, leaf in enumerate(out):
         axis = exact_rotation(leaf)[:, 2]
-        assert math.degrees(math.atan2(axis[1], axis[0])) % 120.0 == pytest.approx(0.0 if straightened else tilt, abs=1e-9), k
+        turned = math.degrees(math.atan2(axis[1], axis[0])) - 120.0 * k
+        assert math.remainder(turned, 360.0) == pytest.approx(0.0 if straightened else tilt, abs=1e-9)
 
 
 @pytest.mark.parametrize("flipped", [False, True])
