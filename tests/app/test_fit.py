@@ -20,12 +20,11 @@ from tests.drawn import BORED
 
 from imdim import side_process
 from imdim.app.cli import main as imdim
-from imdim.app.fit import EXPORT_S, NOT_THE_PART, _EarlyStep, fit, one_line, summary
+from imdim.app.fit import NOT_THE_PART, _EarlyStep, fit, one_line, summary
 from imdim.app.fit import main as run
 from imdim.app.orderly import run_in_order
 from imdim.app.piped import guess_format, load_piped
 from imdim.app.progress import show_progress
-from imdim.delivery.deliver import STEP_LIMIT_S
 from imdim.export import step_worker
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.front import Choice
@@ -308,7 +307,6 @@ def test_a_step_file_that_took_too_long_comes_with_the_command_that_writes_it(tm
     export = f"imdim export {tmp_path / 'program.json'} -o {tmp_path}-step waits 60 s for it"
     assert f"  program.step skipped: OpenCASCADE took more than 1 s; {export}" in lines
     assert "  program.ucad skipped: µcad has no polygons" in lines
-    assert EXPORT_S == STEP_LIMIT_S
 
 
 @pytest.mark.parametrize("name", ["n" * 252 + ".stl", "two\nlines.stl"])

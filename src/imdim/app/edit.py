@@ -11,12 +11,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from imdim.app.export import find_document, list_files, read_texts, refusing
+from imdim.export.step_limit import STEP_LIMIT_S
 from imdim.reconstruction.config import ConfigError, one_line
 
 if TYPE_CHECKING:
     from imdim.export.delivered import Delivered
-
-STEP_LIMIT_S = 60.0
 
 
 def parser() -> argparse.ArgumentParser:

@@ -20,6 +20,7 @@ from imdim.app.deferred import defer_modules
 from imdim.app.orderly import INTERRUPTED, SIGNALS, EndSignal, finishing_first
 from imdim.app.piped import STDIN, load_piped
 from imdim.app.progress import show_progress
+from imdim.export.step_limit import STEP_LIMIT_S
 from imdim.program.cost import describe_size
 from imdim.reconstruction.config import ConfigError, Settings
 
@@ -41,7 +42,6 @@ MOST_SAID = 6  # groups of holes on the screen; the report has all
 DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
 SAID_REGIONS, LEAST_SAID = 3, 1e-3  # regions on the screen, and the share of the surface from which one is named
 NEARLY_DONE = ("simplify", "solve")  # stages that take about as long as OpenCASCADE to load
-EXPORT_S = 60  # for STEP, by `imdim export`
 RARELY = 20_000  # objects more, at which Python looks for cycles of dead ones: at its own 700 that is 2 to 3 % of a fit
 BAD_INPUT = 2
 NOT_THE_PART = 3  # results were written, but a script is not to take them for the part
@@ -132,7 +132,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
     import numpy as np
 
     from imdim.deadline import Deadline
-    from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_untouched, check_writable, deliver
+    from imdim.delivery.deliver import RunRecord, check_untouched, check_writable, deliver
     from imdim.reconstruction import pipeline
     from imdim.reconstruction.delivery_time import time_to_write
     from imdim.target.placement import place
@@ -284,7 +284,7 @@ def _describe_regions(verdict: str, what: str, alike: Sequence[Mapping[str, Any]
 def _later(name: str, said: str, folder: Path) -> str:
     """The command that writes what time did not suffice for."""
     has_time = name == "program.step" and "took more than" in said
-    return f"; imdim export {folder / 'program.json'} -o {folder}-step waits {EXPORT_S} s for it" if has_time else ""
+    return f"; imdim export {folder / 'program.json'} -o {folder}-step waits {STEP_LIMIT_S:g} s for it" if has_time else ""
 
 
 def one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

@@ -35,6 +35,7 @@ from imdim.export.numbers import round_program
 from imdim.export.openscad_reader import are_drawn
 from imdim.export.parameters import parametrise
 from imdim.export.preview import SUPERSAMPLE, preview
+from imdim.export.step_limit import STEP_LIMIT_S
 from imdim.export.step_worker import StepWorker, exporting, finish_or_skip_step
 from imdim.geometry.census import census_of
 from imdim.geometry.edge_solids import solid_with_edges, with_edges
@@ -51,7 +52,7 @@ from imdim.target.target import Target, frame_meta
 
 __all__ = ["OutputError", "RunRecord", "check_untouched", "check_writable", "deliver", "finish_flat"]
 
-STEP_LIMIT_S, LEAST_STEP_S = 60.0, 1.0
+LEAST_STEP_S = 1.0
 
 
 def deliver(

@@ -21,10 +21,11 @@ import trimesh
 from manifold3d import Manifold
 
 from imdim.delivery import first_run
-from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_untouched, compose_texts, deliver
+from imdim.delivery.deliver import RunRecord, check_untouched, compose_texts, deliver
 from imdim.delivery.finish import FinishedProgram, finish
 from imdim.detection.noise import MeasuredNoise
 from imdim.export.edge_text import do_edges_matter
+from imdim.export.step_limit import STEP_LIMIT_S
 from imdim.export.step_worker import finish_step, start_step, stop_step
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.solid import join_touching, to_manifold, to_trimesh

@@ -37,7 +37,7 @@ from imdim.app.agent.replies import (
 )
 from imdim.app.agent.search import Progress, run_fit
 from imdim.app.agent.workplace import Workplace
-from imdim.app.edit import STEP_LIMIT_S, open_results
+from imdim.app.edit import open_results
 from imdim.app.export import find_document
 from imdim.app.lab import edits
 from imdim.app.lab.drawing import roles
@@ -51,6 +51,7 @@ from imdim.export.edit_report import EditReport
 from imdim.export.feature_names import say_features
 from imdim.export.folder import OutputError
 from imdim.export.hole_names import hole_groups
+from imdim.export.step_limit import STEP_LIMIT_S
 from imdim.export.untie import list_ties, new_names, untie
 from imdim.geometry.solid import SEGMENTS
 from imdim.program import codec

@@ -22,6 +22,7 @@ from imdim.delivery.evaluate import evaluate
 from imdim.delivery.finish import finish
 from imdim.detection.fit_surface import fit_surface
 from imdim.export.edit import open_delivered
+from imdim.export.step_limit import STEP_LIMIT_S
 from imdim.geometry.winding import winding_number
 from imdim.program import codec
 from imdim.program.constraints import ConstraintError, renumber_constraints
@@ -37,7 +38,6 @@ from imdim.target.target import InputError, Target, frame_meta, load_target
 
 Now = Callable[[], float]
 SHOWN_EVERY_S = 0.05  # an evolution makes generations faster than they can be drawn
-STEP_LIMIT_S = 120.0
 FINISH_S = 10.0  # after which a program is finished no further
 
 
