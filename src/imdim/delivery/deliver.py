@@ -116,6 +116,9 @@ def deliver(
             with _time(seconds, "page"):
                 document, furthest = _read(partial / "program.json"), scores.to_result.max
                 shown = html.content(document, target, found.parameters, segments, furthest, verdict=coloured)
+            with _time(seconds, "films"):
+                film = find_film(surface, target, scores.to_target.max)
+                faults = [*_parted(solid, target), *([] if film is None else [str(film)])]
             with _time(seconds, "step"):
                 volumes = _volumes(partial, target, delivered)
                 left = min(max(step_by.left(), LEAST_STEP_S), step_limit_s)
@@ -124,8 +127,6 @@ def deliver(
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no time was left" if found.hurried else "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES if name != EDIT_PICTURE}
-        film = find_film(surface, target, scores.to_target.max)
-        faults = [*_parted(solid, target), *([] if film is None else [str(film)])]
         drawn = are_drawn(texts["program.scad"])
         report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, faults, intervals)
         report[DIGESTS] = digests_of(partial)
