@@ -27,6 +27,7 @@ from imdim.numbers.inches import are_inches
 from imdim.numbers.origin import find_offset
 from imdim.numbers.precision import precision_of
 from imdim.numbers.shared_numbers import find_parted_lengths, find_split_numbers, share_number
+from imdim.numbers.slanting_axes import find_parted_axes
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.outline import are_near
@@ -38,6 +39,7 @@ from imdim.target.target import Frame
 
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
 SAME_CONES = 2e-5  # of the volume, that cones may change that begin where they are seen
+SAME_AXIS = 1e-6  # of the largest size, within which slanting axes are one
 SAME_SIZE = 1e-6  # of a length, within which leaves are copies of one: what a mesh's single precision leaves of equal ones
 HAIR = 5e-5  # of the largest size, by which places and radii differ that nobody drew as two
 SNAP_DEG = 3.0  # by which a rotation is rounded at most
@@ -180,7 +182,13 @@ class _Rounding:
         out = self._share_numbers(out, most, caution)
         if self.deadline.has_passed():
             return out
-        return round_circles(self.plain, out, lambda trial: self._bears(trial, caution) and self.distance(trial) <= most)
+
+        def bears(trial: Program) -> bool:
+            return self._bears(trial, caution) and self.distance(trial) <= most
+
+        out = round_circles(self.plain, out, bears)
+        parted = find_parted_axes(list(leaves(self.plain)), list(leaves(out)), SAME_AXIS * longest(leaves(out)))
+        return accept_changes(out, list(parted), lambda trial, change: replace_leaves(trial, dict([change])), bears, SNAP_TRIES)
 
     def _take(self, out: Program, config: SnapConfig, caution: float) -> tuple[Program, bool]:
         """What the solid bears of a rounding, and whether that is all of it."""
