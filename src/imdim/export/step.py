@@ -55,6 +55,7 @@ def write_stages(program: Program, path: Path, edges: PlacedEdges, names: PartNa
     """Write a file as `write_step` does, first with all edges sharp, then in its place those of fewer solids and the one with its edges,
     where there are any; what each is. A later one that is worse takes no place: whoever stops between two has the earlier one whole."""
     names, beside = names or PartNames.of(program), path_beside(path)
+    path.unlink(missing_ok=True)  # an earlier one does not stand for what fails
     sharp = read = None  # the latest shape that is kept, and what is read back of the one that was written last
 
     def survives(shape: Any) -> bool:
