@@ -7,7 +7,7 @@ from tests.planted import box, union
 
 from imdim.deadline import NEVER, Deadline
 from imdim.reconstruction import delivery_time
-from imdim.reconstruction.delivery_time import leave_time_for_files, leave_time_to_deliver, time_to_write
+from imdim.reconstruction.delivery_time import leave_time_for_files, leave_time_to_deliver, leave_time_to_fit, time_to_write
 
 
 def test_the_search_ends_earlier_by_what_a_slow_solid_takes_to_deliver(monkeypatch):
@@ -29,6 +29,13 @@ def test_a_long_program_of_a_mesh_leaves_time_for_its_files(monkeypatch):
         monkeypatch.setattr(delivery_time, "time_solid", lambda _, clock, took=solid_s: took)
         assert leave_time_for_files(box(1, 1, 1), fit_by, end).left() == pytest.approx(left)
     assert leave_time_for_files(box(1, 1, 1), NEVER, NEVER).left() == math.inf
+
+
+def test_a_search_leaves_time_to_fit_what_is_slow_to_make_but_keeps_half_of_its_own(monkeypatch):
+    search_by, fit_by, end = (Deadline(at, lambda: 5.0) for at in (30.0, 47.0, 60.0))
+    for solid_s, left in ((0.01, 25.0), (0.3, 42.0 - delivery_time.FITTED * 0.3 - 6.15), (3.0, 12.5)):
+        monkeypatch.setattr(delivery_time, "time_solid", lambda _, clock, took=solid_s: took)
+        assert leave_time_to_fit(box(1, 1, 1), search_by, fit_by, end).left() == pytest.approx(min(left, 25.0))
 
 
 def test_the_files_of_a_long_program_take_longer():

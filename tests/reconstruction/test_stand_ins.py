@@ -46,6 +46,7 @@ def test_what_does_not_overshoot_is_looked_at_once(monkeypatch):
     )
     part = cut(PLATE, box(12.0, 50.0, 12.0, (30.0, 0.0, 5.0), (0.0, 45.0, 0.0)), box(1.0, 1.0, 1.0, (0.0, 0.0, 20.0), (0.0, 45.0, 0.0)))
     assert take_off_stand_ins(part, target_from(mesh_of(part))) == (part, ())
+    assert len(looked) == 1
 
 
 def test_the_zone_of_a_primitive_is_what_changes_without_it(monkeypatch):

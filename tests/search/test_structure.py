@@ -16,7 +16,7 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
 from imdim.program.sequence import Step
 from imdim.program.tree import leaves
-from imdim.search import lns
+from imdim.search import lns, structure
 from imdim.search.candidate_families import Candidate, Families
 from imdim.search.lazy_bounds import GainBounds
 from imdim.search.lns import LocalConfig, complete, improve, rate_sequence
@@ -104,6 +104,17 @@ def test_a_deadline_cuts_the_search_short():
     assert next(calls) < 60
     assert hurried
     assert hurried[-1].sequence
+
+
+def test_what_is_slow_to_fit_is_bettered_no_longer(monkeypatch):
+    """The starts are completed in their time; local search ends by what the best of these says."""
+    asked, deadlines = [], []
+    plain = structure.improve
+    monkeypatch.setattr(structure, "improve", lambda *given: deadlines.append(given[4]) or plain(*given))
+    families = planted("plate with four holes")
+    *_, last = search(families, StructureConfig(), np.random.default_rng(0), NEVER, better_by=lambda best: asked.append(best) or PASSED)
+    assert set(deadlines) == {PASSED}
+    assert [last] == asked
 
 
 def test_of_a_target_without_volume_there_is_nothing():

@@ -284,7 +284,7 @@ def boolean(name: str, keep: Sequence[Any], tools: Sequence[Any], fuzzy: float =
         setter(listed)
     operation.SetFuzzyValue(fuzzy)
     operation.SetUseOBB(True)  # fewer pairs of faces are looked at where parts lie aslant
-    operation.SetRunParallel(True)  # who waits for it has nothing else to do
+    operation.SetRunParallel(True)  # at the end a fit waits for nothing else
     operation.Build()
     if not operation.IsDone():
         raise StepError(f"OpenCASCADE failed to {name.lower()} {len(keep) + len(tools)} shapes")

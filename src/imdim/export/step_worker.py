@@ -36,7 +36,7 @@ from imdim.side_process import end_with_parent
 
 class Exported(NamedTuple):
     """What was written: the volume re-read from the file, how many edges of features the part has, and those of them that are sharp in it,
-    for the `reason` given if OpenCASCADE did not get to them."""
+    and the `reason` if OpenCASCADE did not get to these, or to a better file."""
 
     volume: float
     edges: int = 0
@@ -164,7 +164,8 @@ def exporting(
 def finish_or_skip_step(
     job: StepJob | StepError, limit_s: float, volumes: dict[str, float], features: Sequence[EdgeFeature]
 ) -> dict[str, str]:
-    """Wait for the file, whose volume joins `volumes`; why there is none, or which edges of the `features` are sharp in it, by its name."""
+    """Wait for the file, whose volume joins `volumes`; why there is none, why it is the first of several, or which edges of the `features`
+    are sharp in it, by its name."""
     try:
         if isinstance(job, StepError):
             raise job
@@ -173,7 +174,8 @@ def finish_or_skip_step(
         return {"program.step": f"skipped: {error}"}
     volumes["program.step"] = exported.volume
     if not exported.sharp:
-        return {}
+        # there is a first file where the right one was still looked for: in too many solids, or rough
+        return {"program.step": f"written, the first valid one, perhaps in more solids: {exported.reason}"} if exported.reason else {}
     said = exported.reason or "; ".join(_list_sharp(exported.sharp, name_edges(features)))
     return {"program.step": f"written, {len(exported.sharp)} of {exported.edges} edges not blended: {said}"}
 

@@ -446,10 +446,13 @@ def _search_structure(run: Run, proofs: Proofs, is_promising: Callable[[Program]
     local = LocalConfig(kinds=not seen.copies_once)
     config, start_by = StructureConfig(size_weight=seen.size_weight, patterns=patterns, local=local), run.part_of("starts")
 
+    end = deadline
+
     def better_by(found: RatedSequence) -> Deadline:
-        if seen.noisy or deadline.at == math.inf:
-            return deadline
-        return leave_time_to_fit(to_program(found.sequence, found.families), deadline, run.part_of("fit"), run.budget.end)
+        nonlocal end
+        if not seen.noisy and deadline.at < math.inf:
+            end = leave_time_to_fit(to_program(found.sequence, found.families), deadline, run.part_of("fit"), run.budget.end)
+        return end
 
     for found in search_structure(seen.families, config, run.rng, deadline, sharpener, start_by, better_by):
         if not found.sequence:  # in noise no cell of a thin part need be inside
@@ -467,7 +470,7 @@ def _search_structure(run: Run, proofs: Proofs, is_promising: Callable[[Program]
     if found is None or not found.sequence:
         return
     # of a noisy cloud the points are searched by in the end (`mdl`), and that search tells whether it was cut
-    cut = deadline.has_passed() and not enough and not seen.noisy
+    cut = end.has_passed() and not enough and not seen.noisy
     # a range is as short as all cells that were ever seen allow
     every = sharpener.every if sharpener else found.families
     tidied = to_program(tidy(transfer(found.sequence, every), every), every)

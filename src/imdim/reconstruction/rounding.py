@@ -39,7 +39,6 @@ from imdim.target.target import Frame
 
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
 SAME_CONES = 2e-5  # of the volume, that cones may change that begin where they are seen
-SAME_AXIS = 1e-6  # of the largest size, within which slanting axes are one
 SAME_SIZE = 1e-6  # of a length, within which leaves are copies of one: what a mesh's single precision leaves of equal ones
 HAIR = 5e-5  # of the largest size, by which places and radii differ that nobody drew as two
 SNAP_DEG = 3.0  # by which a rotation is rounded at most
@@ -187,7 +186,7 @@ class _Rounding:
             return self._bears(trial, caution) and self.distance(trial) <= most
 
         out = round_circles(self.plain, out, bears)
-        parted = find_parted_axes(list(leaves(self.plain)), list(leaves(out)), SAME_AXIS * longest(leaves(out)))
+        parted = find_parted_axes(list(leaves(self.plain)), list(leaves(out)), SAME_SIZE * longest(leaves(out)))
         return accept_changes(out, list(parted), lambda trial, change: replace_leaves(trial, dict([change])), bears, SNAP_TRIES)
 
     def _take(self, out: Program, config: SnapConfig, caution: float) -> tuple[Program, bool]:

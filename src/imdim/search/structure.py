@@ -70,8 +70,8 @@ def search(
     is computed side by side where there is a second core, with the same result.
 
     Past `start_by` (by default the `deadline`) there is no further start, the foremost get the rest of the time, until `better_by` of the
-    best at the latest. With a sharpener the cells
-    are added on which these are wrong unseen, and what is found from then on is judged on them too.
+    best at the latest. With a sharpener the cells are added on which these are wrong unseen, and what is found from then on is judged on
+    them too.
     """
     exact = Price(config.size_weight * families.cells.volume)
     best: RatedSequence | None = None
