@@ -185,6 +185,15 @@ def test_an_export_that_ended_too_late_leaves_no_file_and_no_pipe(tmp_path, monk
     assert job.process.stderr.closed
 
 
+def test_an_earlier_file_does_not_stand_for_a_shape_that_cannot_be_built(tmp_path, monkeypatch):
+    path = tmp_path / "part.step"
+    write_step(KNOWN["drilled block"][0], path)
+    monkeypatch.setattr(step, "_write", lambda *_: None)  # whatever is read back is not valid
+    with pytest.raises(StepError, match="not valid once it is read back"):
+        write_step(KNOWN["drilled block"][0], path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_first_file_stays_where_time_ends_the_look_for_a_better_one(tmp_path, monkeypatch):
     """A part of 36 features was in two solids after 18 s, and stopped after 30 without a file."""
     first, better = (to_shape(KNOWN["drilled block"][0]) for _ in range(2))
