@@ -22,6 +22,13 @@ def test_a_shallow_dish_that_runs_across_a_lip_is_a_trifle():
     assert without_trifles(union(can, cylinder(51, 6, (0, 0, 66))), 0.8) == union(can, cylinder(51, 6, (0, 0, 66)))
 
 
+def test_what_fills_a_trifle_goes_with_it():
+    """A dish of 0.25, told as a cut of 6 that a block inside fills again: alone the block moves 6."""
+    block = box(60, 40, 30)
+    filled = union(cut(block, cylinder(12, 12, (0, 0, 15))), box(56, 38, 28.5, (0, 0, 0.5)))
+    assert without_trifles(filled, 0.3) == block
+
+
 def test_trifles_go_until_what_is_left_matters():
     """Each of two rings in a stack may go, both may not."""
     stack = union(cylinder(20, 10), cylinder(20.2, 12), cylinder(20.4, 14))

@@ -17,13 +17,13 @@ TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shal
 
 def without_trifles(program: Program, reach: float, deadline: Deadline = NEVER) -> Program:
     """The program without the leaves that, all together, move hardly any of its surface by more than `reach`; those that move it least go
-    first, as far as time allows."""
+    first, as far as time allows. What only fills such a leaf's cut is looked at again once that is gone: alone it moves much."""
+    stay = [path for path, _ in leaf_paths(program)] if reach else []
     gone: list[Path] = []
-    if reach:
-        moves = [(_move(program, [path], reach, deadline), path) for path, _ in leaf_paths(program)]
-        for moved, path in sorted(moves):
-            if moved <= reach and _move(program, [*gone, path], reach, deadline) <= reach:
-                gone.append(path)
+    stay.sort(key=lambda path: _move(program, [path], reach, deadline))
+    while (light := next((path for path in stay if _move(program, [*gone, path], reach, deadline) <= reach), None)) is not None:
+        gone.append(light)
+        stay.remove(light)
     return without(program, gone) or program
 
 

@@ -1,7 +1,10 @@
 """The parameter table as HTML: one row for each named number, with its unit, its lock, and what it drives.
 
 What happens in it goes through inputs that nobody sees (`renderers`): a value that is set as text, the row that the pointer is on as its
-number, a lock and a tie as clicks. The table is drawn anew where a value changes, so the script of the page puts the focus back.
+number, a lock and a tie as clicks. The table is drawn anew where a value changes, so the script of the page puts the focus back, and what
+was typed: at once, or a key that is pressed meanwhile would go nowhere. Browsers tell a change of an input that is taken away, which nobody
+has ended typing in, and none of what a script has put back: what is set is what was typed last, by Enter or by leaving an input that is
+there.
 """
 
 from __future__ import annotations
@@ -11,7 +14,6 @@ from collections.abc import Sequence
 
 from imdim.app.lab.parameters import ParameterRow
 from imdim.app.lab.renderers import clickable
-from imdim.app.lab.style import NOTHING
 
 ACTIONS = 2  # that a row has buttons for: to hold and to untie
 DIGITS = 9  # that texts keep
@@ -47,32 +49,43 @@ if (!window.labTable) {
   document.addEventListener('pointerdown', (e) => { if (rowOf(e) < 0) { T.focus = null; pin(-1); } });
   document.addEventListener('focusin', (e) => { T.focus = nameOf(e); if (T.focus) pin(rowOf(e)); });
   document.addEventListener('input', (e) => { const name = nameOf(e); if (name) T.typed = [name, e.target.value]; });
-  document.addEventListener('change', (e) => {
+  const set = (e) => {
     const name = nameOf(e);
-    if (name) { T.typed = null; send('ParameterValue', `${name}=${e.target.value}`); }
+    if (!name || T.typed?.[0] !== name) return;
+    const value = T.typed[1];
+    T.typed = null;
+    send('ParameterValue', `${name}=${value}`);
+  };
+  const leave = (e) => queueMicrotask(() => {
+    if (!e.target.isConnected) return;
+    set(e);
+    if (e.type === 'focusout' && nameOf(e) === T.focus) T.focus = null;
   });
+  document.addEventListener('change', leave);
+  document.addEventListener('focusout', leave);
   document.addEventListener('keydown', (e) => {
+    if (e.key === 'Enter') set(e);
     if (!nameOf(e) || e.key !== 'Escape') return;
     e.target.value = e.target.defaultValue;
     T.typed = T.focus = null;
     e.target.blur();
     pin(-1);
   });
-  T.drawn = () => {
+  const drawn = () => {
     if (!T.focus || document.activeElement !== document.body) return;
     const input = document.querySelector(`.lab-parameter input[data-name='${T.focus}']`);
     if (!input) return;
     input.focus({ preventScroll: true });
     if (T.typed?.[0] === T.focus) input.value = T.typed[1]; else input.select();
   };
+  new MutationObserver(drawn).observe(document.body, { childList: true, subtree: true });
 }"""
 
 
 def parameter_table(rows: Sequence[ParameterRow], unit: str, selected: int | None, refused: int) -> str:
     """The table; rows of what is selected are marked. `refused` makes it another one, in which what was typed in vain is gone."""
     body = "".join(_row(i, row, unit, selected is not None and selected in row.shown) for i, row in enumerate(rows))
-    ready = f'<img alt="" src="{NOTHING}" style="display:none" onload="window.labTable?.drawn()">'
-    return clickable("Parameter", f'<div data-refused="{refused}">{body}</div>{ready}')
+    return clickable("Parameter", f'<div data-refused="{refused}">{body}</div>')
 
 
 def _row(number: int, row: ParameterRow, unit: str, marked: bool) -> str:

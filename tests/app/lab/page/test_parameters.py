@@ -4,7 +4,7 @@ import math
 
 import pytest
 import trimesh
-from tests.app.lab.page.browser import EXACT, in_the_lab, red
+from tests.app.lab.page.browser import EXACT, HAND_MS, in_the_lab, red
 
 from imdim.app.lab.panels.edit import LOCKED
 from imdim.app.lab.panels.parameters import STRICT
@@ -33,6 +33,24 @@ def test_a_dimension_is_set_and_all_that_stands_on_it_follows(table):
     table.measures(EXACT)
     table.page.wait_for_function("document.querySelector('[data-name=plate_thickness]').value === '8'")
     assert table.parameters()["boss_height"] == 16, "as it is seen, not with what is hidden in the plate"
+
+
+@pytest.mark.parametrize("leave", ["Enter", "Tab"])
+def test_what_is_typed_while_the_table_is_drawn_anew_is_set(table, leave):
+    """A run that goes on and names that come draw it under a person's hands."""
+    table.box("plate_thickness").fill("10")
+    table.page.evaluate("""() => {
+        const drawn = document.querySelector('.lab-parameter');
+        drawn.innerHTML = drawn.innerHTML;  // as the toolkit does it
+    }""")
+    table.page.wait_for_function("document.activeElement.dataset.name === 'plate_thickness'")
+    assert table.box("plate_thickness").input_value() == "10"
+    table.page.wait_for_timeout(HAND_MS)
+    table.measures(EXACT)  # nobody has ended typing
+    table.page.keyboard.press(leave)
+    table.measures(THICKER)
+    table.keys("Control+z")
+    table.measures(EXACT)
 
 
 def test_an_edit_has_a_picture_of_before_and_after(table):
