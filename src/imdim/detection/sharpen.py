@@ -17,9 +17,9 @@ from manifold3d import Error, Manifold
 from imdim.detection.blends import Chain
 from imdim.geometry.rows import lengths
 from imdim.geometry.solid import solid_of, to_trimesh
-from imdim.geometry.surface import Surface, normals, signed_distance
+from imdim.geometry.surface import Surface, SurfaceTable, normals
 
-STEPS = 30
+STEPS, SETTLED = 30, 1e-13  # of Newton's method, and the step after which a corner stays
 MOST_OF = 0.6  # of a chain's area, that has to come off for any of it to
 ON_FACE = 2e-4  # of the diagonal, within which a corner has reached a face
 FURTHEST = 4.0  # times a blend's size, that a corner may move
@@ -96,7 +96,6 @@ def _adds_up(mesh: trimesh.Trimesh, solid: Manifold, chains: Sequence[Chain]) ->
 
 def _moved(mesh: trimesh.Trimesh, *chains: Chain) -> tuple[np.ndarray, list[int]]:
     """The vertices [v, 3] with those of `chains` on the faces beside them, and the numbers of those that find no place near."""
-    lost: list[int] = []
     diagonal, vertices = float(np.linalg.norm(mesh.extents)), np.array(mesh.vertices, float)
     carriers: dict[int, dict[Surface, None]] = defaultdict(dict)
     size: dict[int, float] = {}
@@ -110,25 +109,34 @@ def _moved(mesh: trimesh.Trimesh, *chains: Chain) -> tuple[np.ndarray, list[int]
     beside: dict[int, dict[Surface, None]] = defaultdict(dict)
     for vertex, plane in _other_planes(mesh, of_blend, carriers):
         beside[vertex][plane] = None
-    groups: dict[tuple[tuple[Surface, ...], tuple[Surface, ...]], list[int]] = defaultdict(list)
-    for vertex, faces in carriers.items():
-        groups[tuple(faces), tuple(beside[vertex])].append(vertex)
-    for (faces, ends), members in groups.items():
-        reach = FURTHEST * np.array([size[v] for v in members])
-        placed, good = _placed(vertices[members], (*faces, *ends), reach, ON_FACE * diagonal)
-        if ends and not good.all():
-            placed[~good], again = _placed(vertices[members][~good], faces, reach[~good], ON_FACE * diagonal)
-            good[~good] = again
-        vertices[members] = placed
-        lost += [v for v, there in zip(members, good, strict=True) if not there]
-    return vertices, lost
+    members = np.array([*carriers], int)
+    faces, ends = [[*carriers[v]] for v in members.tolist()], [[*beside[v]] for v in members.tolist()]
+    reach = FURTHEST * np.array([size[v] for v in members.tolist()])
+    placed, good = _placed(vertices[members], [[*own, *end] for own, end in zip(faces, ends, strict=True)], reach, ON_FACE * diagonal)
+    again = [i for i, end in enumerate(ends) if end and not good[i]]
+    placed[again], good[again] = _placed(vertices[members[again]], [faces[i] for i in again], reach[again], ON_FACE * diagonal)
+    vertices[members] = placed
+    return vertices, members[~good].tolist()
 
 
-def _placed(points: np.ndarray, faces: Sequence[Surface], reach: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points [n, 3] moved onto `faces`, and whether each [n] came there within its `reach`."""
-    placed = _onto(points, faces)
-    off = np.max([np.abs(signed_distance(face, placed)) for face in faces], axis=0)
+def _placed(points: np.ndarray, faces: Sequence[Sequence[Surface]], reach: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, 3], each moved onto its own `faces`, and whether it [n] came there within its `reach` [n]."""
+    if not len(points):
+        return points, np.zeros(0, bool)
+    numbers = {face: i for i, face in enumerate(dict.fromkeys(face for own in faces for face in own))}
+    table, many = SurfaceTable([*numbers]), max(map(len, faces))
+    own = np.array([[*(numbers[face] for face in some), *[-1] * (many - len(some))] for some in faces])
+    placed = _onto(points, own, table)
+    off = np.abs(_look(placed, own, table)[0]).max(axis=1)
     return placed, (off < tolerance) & (lengths(placed - points) < reach)
+
+
+def _look(points: np.ndarray, own: np.ndarray, table: SurfaceTable) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distances [n, k] and normals [n, k, 3] at points [n, 3] of their `own` faces [n, k]; 0 where that is -1, none."""
+    off, slope = np.zeros(own.shape), np.zeros((*own.shape, 3))
+    rows, slots = np.nonzero(own >= 0)
+    off[rows, slots], slope[rows, slots] = table.look(points[rows], own[rows, slots])
+    return off, slope
 
 
 def _other_planes(mesh: trimesh.Trimesh, of_blend: np.ndarray, carriers: dict[int, dict[Surface, None]]) -> Iterator[tuple[int, Surface]]:
@@ -149,16 +157,18 @@ def _other_planes(mesh: trimesh.Trimesh, of_blend: np.ndarray, carriers: dict[in
                 yield vertex, Surface("plane", tuple(corners[faces[t]].mean(0).tolist()), tuple(normal.tolist()))
 
 
-def _onto(points: np.ndarray, faces: Sequence[Surface]) -> np.ndarray:
-    """Points [n, 3] moved onto all `faces`, by Newton's steps of least length; along faces that touch each other they count as one."""
-    out = points.copy()
+def _onto(points: np.ndarray, own: np.ndarray, table: SurfaceTable) -> np.ndarray:
+    """Points [n, 3], each moved onto all its `own` faces [n, k] of the table, by Newton's steps of least length; along faces that touch each
+    other they count as one."""
+    out, moving = points.copy(), np.arange(len(points))
     for _ in range(STEPS):
-        off = np.stack([signed_distance(face, out) for face in faces], axis=1)
-        slope = np.stack([normals(face, out) for face in faces], axis=1)
+        off, slope = _look(out[moving], own[moving], table)
+        finite = np.isfinite(off).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
+        out[moving[~finite]] = points[moving[~finite]]
+        moving, off, slope = moving[finite], off[finite], slope[finite]
         step = np.einsum("nij,nj->ni", np.linalg.pinv(slope, rcond=FLAT), off)
-        out -= step
-        if not np.isfinite(out).all():
-            return points
-        if np.abs(step).max() < 1e-13:
+        out[moving] -= step
+        moving = moving[np.abs(step).max(axis=1, initial=0.0) >= SETTLED]
+        if not len(moving):
             break
     return out

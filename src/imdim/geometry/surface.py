@@ -20,7 +20,9 @@ An ellipsoid and an elliptic cylinder also have `across`, the unit vector along 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -93,44 +95,88 @@ def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
     are those of their own fields, |q| (|q| - 1) / |gradient|, exact to second order near the surface.
     """
     q = np.asarray(points, float) - surface.point
-    axis = np.asarray(surface.axis)
-    if surface.kind == "plane":
-        return q @ axis
-    if surface.kind == "sphere":
-        return lengths(q) - surface.sizes[0]
     if surface.kind in FRAMED:
         level, slope = ellipsoid_field(q @ surface.frame, surface.semi_axes)
         return (level - 1) * np.where(slope > 0, level / np.maximum(slope, 1e-300), min(surface.sizes))
-    h = q @ axis
+    return _distance(surface.kind, q, np.asarray(surface.axis), surface.sizes)
+
+
+def _distance(kind: str, q: np.ndarray, axis: np.ndarray, sizes: Sequence[Any]) -> np.ndarray:
+    """`signed_distance` of points from a surface's own q [n, 3], of a kind without a frame; of one surface, or one for each point: then the
+    `axis` is [n, 3] and each size [n]."""
+    if kind == "sphere":
+        return lengths(q) - sizes[0]
+    h = q @ axis if axis.ndim == 1 else dot_rows(q, axis)
+    if kind == "plane":
+        return h
     rho = np.sqrt(np.maximum(dot_rows(q, q) - h * h, 0.0))
-    if surface.kind == "cylinder":
-        return rho - surface.sizes[0]
-    if surface.kind == "cone":
-        return rho * math.cos(surface.sizes[0]) - h * math.sin(surface.sizes[0])
-    if surface.kind == "torus":
-        return np.hypot(rho - surface.sizes[0], h) - surface.sizes[1]
-    raise ValueError(f"unknown surface kind {surface.kind!r}; known are {', '.join(SURFACE_KINDS)}")
+    if kind == "cylinder":
+        return rho - sizes[0]
+    if kind == "cone":
+        cos, sin = _cos_sin(sizes[0])
+        return rho * cos - h * sin
+    if kind == "torus":
+        return np.hypot(rho - sizes[0], h) - sizes[1]
+    raise ValueError(f"unknown surface kind {kind!r}; known are {', '.join(SURFACE_KINDS)}")
+
+
+def _cos_sin(angle: Any) -> tuple[Any, Any]:
+    """Of a number, or of many."""
+    return (np.cos(angle), np.sin(angle)) if isinstance(angle, np.ndarray) else (math.cos(angle), math.sin(angle))
 
 
 def normals(surface: Surface, points: np.ndarray) -> np.ndarray:
     """Unit gradients [n, 3] of `signed_distance` at `points` [n, 3]."""
     q = np.asarray(points, float) - surface.point
-    axis = np.asarray(surface.axis)
-    if surface.kind == "plane":
-        return np.broadcast_to(axis, q.shape)
-    if surface.kind == "sphere":
-        return unit(q)
     if surface.kind in FRAMED:
         return unit((q @ surface.frame) / np.square(surface.semi_axes)) @ surface.frame.T
-    h = q @ axis
+    return _gradients(surface.kind, q, np.asarray(surface.axis), surface.sizes)
+
+
+def _gradients(kind: str, q: np.ndarray, axis: np.ndarray, sizes: Sequence[Any]) -> np.ndarray:
+    """`normals`, as `_distance` of `signed_distance`."""
+    if kind == "plane":
+        return np.broadcast_to(axis, q.shape)
+    if kind == "sphere":
+        return unit(q)
+    h = q @ axis if axis.ndim == 1 else dot_rows(q, axis)
     radial = unit(q - h[:, None] * axis)
-    if surface.kind == "cylinder":
+    if kind == "cylinder":
         return radial
-    if surface.kind == "cone":
-        return radial * math.cos(surface.sizes[0]) - axis * math.sin(surface.sizes[0])
-    if surface.kind == "torus":
-        return unit(q - surface.sizes[0] * radial)
-    raise ValueError(f"unknown surface kind {surface.kind!r}; known are {', '.join(SURFACE_KINDS)}")
+    first = sizes[0][:, None] if isinstance(sizes[0], np.ndarray) else sizes[0]
+    if kind == "cone":
+        cos, sin = _cos_sin(first)
+        return radial * cos - axis * sin
+    if kind == "torus":
+        return unit(q - first * radial)
+    raise ValueError(f"unknown surface kind {kind!r}; known are {', '.join(SURFACE_KINDS)}")
+
+
+class SurfaceTable:
+    """Several surfaces, of which each of many points may have its own."""
+
+    def __init__(self, surfaces: Sequence[Surface]) -> None:
+        self._surfaces = surfaces
+        self._kinds = np.array([SURFACE_KINDS.index(s.kind) for s in surfaces])
+        self._points, self._axes = np.array([s.point for s in surfaces], float), np.array([s.axis for s in surfaces], float)
+        self._sizes = np.array([(*s.sizes, 0.0, 0.0)[:2] for s in surfaces], float)
+
+    def look(self, points: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Signed distances [n] and normals [n, 3] at points [n, 3] of the surfaces whose numbers are their `own` [n]."""
+        away, out = np.empty(len(points)), np.empty((len(points), 3))
+        kinds = self._kinds[own]
+        for number in np.unique(kinds):
+            kind, at = SURFACE_KINDS[number], np.flatnonzero(kinds == number)
+            if kind in FRAMED:
+                for which in np.unique(own[at]):
+                    some = at[own[at] == which]
+                    away[some] = signed_distance(self._surfaces[which], points[some])
+                    out[some] = normals(self._surfaces[which], points[some])
+                continue
+            which = own[at]
+            q, axes, sizes = points[at] - self._points[which], self._axes[which], [*self._sizes[which].T]
+            away[at], out[at] = _distance(kind, q, axes, sizes), _gradients(kind, q, axes, sizes)
+        return away, out
 
 
 def ellipsoid_field(local: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

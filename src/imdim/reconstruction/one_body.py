@@ -162,10 +162,11 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
             fit_by = leave_time_to_deliver(last.program, budget.part_of("measure", share), ALLOWED_AFTER_S)
             measured = snap_measured(last.program, found, frame.to_world(seen.target.points), fit_by)
             last = replace(last, program=measured, found=found, noisy=True)
-        # rounding may part what met; where time was short it is worth more than relations to open what should be open
-        last = replace(last, program=_open_films(last.program, seen, frame, budget.end_of("relate")) or last.program)
-        if (bounded := _solid_in(seen, frame)) is not None and not fit_by.has_passed():
-            last = replace(last, program=close_voids(join_bodies(last.program, bounded, fit_by), bounded, fit_by))
+        # rounding may part what met; where time was short it is worth more than relations to open what should be open, and to join bodies
+        kind_by = budget.end_of("relate")
+        last = replace(last, program=_open_films(last.program, seen, frame, kind_by) or last.program)
+        if (bounded := _solid_in(seen, frame)) is not None and not kind_by.has_passed():
+            last = replace(last, program=close_voids(join_bodies(last.program, bounded, kind_by), bounded, kind_by))
         if last.found is None:  # relations that were found are of all its parts
             last = replace(last, program=_drop_spare(drop_idle(last.program, fit_by), seen, frame, fit_by))
     cut = seen.cut or fit_by.has_passed()

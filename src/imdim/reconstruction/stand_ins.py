@@ -158,9 +158,7 @@ def _changes(
     It is the active zone of the primitive, which asks for no solid as a whole, except of what an intersection keeps: without the primitive
     the other part is not cut any more, beyond it too."""
     if not _keeps_others(program, path):
-        own = placed[number].solid
-        zone = zone_within(program, placed, number, placed[number], own)
-        change = zone if isinstance(zone, Manifold) else own if zone else Manifold()
+        change = zone_within(program, placed, number, placed[number], placed[number].solid, least)
         if least < change.volume() <= most:
             yield signs(program)[number] < 0, change
         return

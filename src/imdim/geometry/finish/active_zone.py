@@ -6,10 +6,7 @@ in the region decide.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from manifold3d import Manifold
@@ -19,8 +16,8 @@ from imdim.geometry.finish.posed import INSCRIBED, PosedPrimitive, apart, diagon
 from imdim.geometry.finish.section import extent
 from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.lowering import Lowered, Outlines, postfix
-from imdim.geometry.solid import SEGMENTS, exact_rotation
-from imdim.program.tree import KINDS, Op, Primitive, Program, fold, leaves
+from imdim.geometry.solid import SEGMENTS, bounds_of, exact_rotation
+from imdim.program.tree import KINDS, Combine, Op, Primitive, Program, fold, leaves
 
 PROBES = 64  # points of a region that are asked first
 
@@ -77,17 +74,10 @@ def probes(region: Primitive) -> np.ndarray:
     return local @ exact_rotation(region).T + region.center
 
 
-@dataclass(frozen=True)
-class _Open:
-    """A part of the program that holds the primitive asked about, which still decides the solid in `where`."""
-
-    where: _Local
-
-
 def _decides(program: Program, placed: list[PosedPrimitive], index: int, region: PosedPrimitive) -> bool:
     """`matters` by exact booleans."""
-    left = zone_within(program, placed, index, region, region.solid)
-    return left if isinstance(left, bool) else left.volume() > NOTHING * region.solid.volume()
+    least = NOTHING * region.solid.volume()
+    return zone_within(program, placed, index, region, region.solid, least).volume() > least
 
 
 def change_with(program: Program, index: int, larger: Primitive) -> float:
@@ -99,45 +89,115 @@ def find_change(program: Program, index: int, larger: Primitive, segments: int) 
     """Where the solid of `program` changes if `larger`, which holds primitive `index`, takes its place. What does not reach there is not
     asked: a tenth of the time of making the solid anew."""
     placed, new = [PosedPrimitive(leaf, segments) for leaf in leaves(program)], PosedPrimitive(larger, segments)
-    more = new.solid - placed[index].solid
-    zone = zone_within(program, placed, index, new, more)
-    return zone if isinstance(zone, Manifold) else more if zone else Manifold()
+    return zone_within(program, placed, index, new, new.solid - placed[index].solid)
 
 
-def zone_within(program: Program, placed: list[PosedPrimitive], index: int, held_by: PosedPrimitive, region: Manifold) -> Manifold | bool:
-    """Where in a `region`, which the box of `held_by` holds, the solid depends on primitive `index`: everywhere (True), nowhere (False), or
-    in a solid. It is what is left of the region after each operation above the primitive."""
-    plain: Mapping[Op, Callable[[_Local, _Local], _Local]] = {
-        "union": _union,
-        "intersection": _intersection,
-        "difference": lambda keep, cut: _difference(keep, cut, region),
-    }
+def zone_within(
+    program: Program, placed: list[PosedPrimitive], index: int, held_by: PosedPrimitive, region: Manifold, least: float = 0.0
+) -> Manifold:
+    """Where in a `region`, which the box of `held_by` holds, the solid depends on primitive `index`. It is what is left of the region after
+    each operation above the primitive, from the nearest on: the fewer primitives reach into what is left, the fewer are asked, and none
+    once no more than the volume `least` is left."""
+    zone, boxes = region, [held_by]
+    for op, first, beside in _operations_above(program, index):
+        within = _within(beside, placed[first:], boxes, region)
+        if within is (op == "intersection"):
+            continue
+        zone = _cut(zone, within) if op == "intersection" else _without(zone, within)
+        if zone.volume() <= least:
+            return Manifold()
+        boxes = [held_by, _box_of(zone)]
+    return zone
 
-    def combined(op: Op, a: Any, b: Any) -> _Local | _Open:
-        if isinstance(a, _Open):
-            return _Open(plain["intersection" if op == "intersection" else "difference"](a.where, b))
-        if isinstance(b, _Open):
-            return _Open(plain["difference" if op == "union" else "intersection"](b.where, a))
-        return plain[op](a, b)
 
-    values = [_Open(True) if i == index else _restrict(part, held_by, region) for i, part in enumerate(placed)]
-    root = fold(program, lambda i, _: values[i], {op: partial(combined, op) for op in plain})
-    return root.where if isinstance(root, _Open) else root
+def _operations_above(program: Program, index: int) -> Iterator[tuple[Op, int, Program]]:
+    """What is done to leaf `index`, from the nearest on: it is cut to what stands beside it ("intersection") or that is taken from it
+    ("difference"), as far as the result depends on the leaf; with the number of the first leaf of what stands beside."""
+    above: list[tuple[Op, int, Program]] = []
+    counts, node, first = _count_leaves(program), program, 0
+    while isinstance(node, Combine):
+        middle = first + counts[id(node.left)]
+        if index < middle:
+            above.append(("intersection" if node.op == "intersection" else "difference", middle, node.right))
+            node = node.left
+        else:
+            above.append(("difference" if node.op == "union" else "intersection", first, node.left))
+            node, first = node.right, middle
+    while above:
+        op, first, node = above.pop()
+        middle = 0 if isinstance(node, Primitive) else first + counts[id(node.left)]
+        if isinstance(node, Combine) and op == "difference" and node.op == "union":
+            above += [(op, middle, node.right), (op, first, node.left)]
+        elif isinstance(node, Combine) and op == "intersection" and node.op != "union":
+            above += [(node.op, middle, node.right), (op, first, node.left)]
+        else:
+            yield op, first, node
+
+
+def _count_leaves(program: Program) -> dict[int, int]:
+    """How many leaves each node has, by its id; without recursion, since a flat union of thousands is a tree as deep."""
+    counts: dict[int, int] = {}
+    todo = [program]
+    while todo:
+        node = todo[-1]
+        parts = (node.left, node.right) if isinstance(node, Combine) else ()
+        missing = [part for part in parts if id(part) not in counts]
+        if missing:
+            todo += missing
+            continue
+        todo.pop()
+        counts[id(node)] = sum(counts[id(part)] for part in parts) or 1
+    return counts
+
+
+def _box_of(zone: Manifold) -> PosedPrimitive:
+    low, high = bounds_of(zone)
+    size = (high - low) + NOTHING * float(np.linalg.norm(high - low))  # of a sliver too
+    return PosedPrimitive(Primitive("box", tuple(size.tolist()), tuple(((low + high) / 2).tolist())))
 
 
 # A part of the program inside one small region: everywhere (True), nowhere (False), or a solid inside it.
 _Local = bool | Manifold
 
 
-def _restrict(part: PosedPrimitive, held_by: PosedPrimitive, region: Manifold) -> _Local:
-    if apart(part, held_by):
-        return False
-    if holds(part, held_by):
-        return True
-    if side := side_of_ball(part, held_by):
-        return side < 0
-    # booleans are put off until somebody asks for their volume
-    return part.solid ^ region
+def _within(program: Program, placed: Sequence[PosedPrimitive], boxes: Sequence[PosedPrimitive], region: Manifold) -> _Local:
+    """A part of the program inside what each of the `boxes` holds: a primitive as it is, since what was cut to a region has faces in common
+    with it, and booleans of such solids come to slivers of slivers; of what is combined, each part inside the `region`."""
+    if isinstance(program, Primitive):
+        within = _restrict(placed[0], boxes)
+        return placed[0].solid if within is None else within
+    plain: Mapping[Op, Callable[[_Local, _Local], _Local]] = {
+        "union": _union,
+        "intersection": _intersection,
+        "difference": lambda keep, cut: _difference(keep, cut, region),
+    }
+
+    def restricted(i: int, _: Primitive) -> _Local:
+        within = _restrict(placed[i], boxes)
+        # booleans are put off until somebody asks for their volume
+        return placed[i].solid ^ region if within is None else within
+
+    return fold(program, restricted, plain)
+
+
+def _cut(zone: Manifold, within: _Local) -> Manifold:
+    return zone ^ within if isinstance(within, Manifold) else zone if within else Manifold()
+
+
+def _without(zone: Manifold, within: _Local) -> Manifold:
+    return zone - within if isinstance(within, Manifold) else Manifold() if within else zone
+
+
+def _restrict(part: PosedPrimitive, boxes: Sequence[PosedPrimitive]) -> bool | None:
+    """Whether a primitive holds all that each of the boxes holds, or nothing of it; None where it may hold some."""
+    for box in boxes:
+        if apart(part, box):
+            return False
+        if holds(part, box):
+            return True
+        if side := side_of_ball(part, box):
+            return side < 0
+    return None
 
 
 def _union(a: _Local, b: _Local) -> _Local:

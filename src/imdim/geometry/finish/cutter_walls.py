@@ -106,8 +106,7 @@ class _Judge:
         if (old.solid - new.solid).volume() > NOTHING * self.volume:
             return False
         further = new.solid - old.solid
-        zone = zone_within(program, placed, i, new, further)
-        gone = zone if isinstance(zone, Manifold) else further if zone else Manifold()
+        gone = zone_within(program, placed, i, new, further)
         if _curves(leaf) > _curves(old.leaf) and gone.surface_area() < SHOWS * self.solid.surface_area():
             return False
         return (gone ^ self.solid).volume() <= max(OWN * gone.volume(), NOTHING * self.volume)

@@ -81,9 +81,9 @@ class _Visible:
 
     def _box(self, leaf: int) -> tuple[float, ...] | None:
         placed = [PosedPrimitive(part) for part in leaves(self.program)]
-        zone = zone_within(self.program, placed, leaf, placed[leaf], placed[leaf].solid)
-        shown = zone if isinstance(zone, Manifold) else placed[leaf].solid if zone else Manifold()
-        return None if shown.volume() <= NOTHING * self.solid.volume() else shown.bounding_box()
+        least = NOTHING * self.solid.volume()
+        shown = zone_within(self.program, placed, leaf, placed[leaf], placed[leaf].solid, least)
+        return None if shown.volume() <= least else shown.bounding_box()
 
 
 def _go_back(seen: _Visible, deadline: Deadline) -> _Visible:

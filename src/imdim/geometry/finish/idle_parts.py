@@ -34,5 +34,5 @@ def _is_idle(program: Program, placed: list[PosedPrimitive], i: int, least: floa
     own = placed[i]
     if own.leaf.kind in PROBED and matters(program, placed, i, own.leaf):
         return False
-    zone = zone_within(program, placed, i, own, own.solid)
-    return zone.volume() <= min(least, NOTHING * own.solid.volume()) if isinstance(zone, Manifold) else not zone
+    least = min(least, NOTHING * own.solid.volume())
+    return zone_within(program, placed, i, own, own.solid, least).volume() <= least
