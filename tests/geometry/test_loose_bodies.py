@@ -76,6 +76,23 @@ def test_a_drawn_wall_is_moved_where_no_level_can_be():
     assert volume_iou(to_manifold(mended), truth) > volume_iou(to_manifold(program), truth) - 3e-4
 
 
+def test_slivers_along_a_round_wall_go_where_a_cut_is_rounder():
+    """Between a round end and a round cut that should take all of it away, but is flatter by a little."""
+
+    def drawn(sagitta, height, z=0.0):
+        corners = ((-30.0, -20.0, 0.0), (30.0, -20.0, 0.0), (30.0, 0.0, sagitta / 30), (-30.0, 0.0, 0.0))
+        return Primitive("extrude", (height,), (0, 0, z), outline=Outline((corners,)))
+
+    above = [box(80, 80, 1, (0, 0, 1)), box(10, 80, 8, (0, 0, 5)), box(40, 80, 8, (45, 0, 5)), box(40, 80, 8, (-45, 0, 5))]
+    program = cut(drawn(12.0, 10), drawn(11.98, 6, 4.0), *above)
+    assert bodies(program) == 3
+    mended = join_bodies(program, to_manifold(cut(drawn(12.0, 10), box(80, 80, 5, (0, 0, 3)))))
+    assert bodies(mended) == 1
+    changed = [b for a, b in zip(leaves(program), leaves(mended), strict=True) if a != b]
+    assert len(changed) == 1
+    assert changed[0].kind == "extrude"
+
+
 def test_a_wide_face_that_bears_little_goes_on_by_less():
     """All of a plate under a ball, which has no face that could move, is raised by a ten thousandth of its thickness."""
     truth = to_manifold(union(PLATE, sphere(8, (0, 0, 10.99))))

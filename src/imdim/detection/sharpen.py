@@ -158,8 +158,8 @@ def _other_planes(mesh: trimesh.Trimesh, of_blend: np.ndarray, carriers: dict[in
 
 
 def _onto(points: np.ndarray, own: np.ndarray, table: SurfaceTable) -> np.ndarray:
-    """Points [n, 3], each moved onto all its `own` faces [n, k] of the table, by Newton's steps of least length; along faces that touch each
-    other they count as one."""
+    """Points [n, 3], each moved onto all its `own` faces [n, k] of the table, by Newton's steps of least length; along faces that touch
+    each other they count as one."""
     out, moving = points.copy(), np.arange(len(points))
     for _ in range(STEPS):
         off, slope = _look(out[moving], own[moving], table)

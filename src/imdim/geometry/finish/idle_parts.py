@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from manifold3d import Manifold
-
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.active_zone import matters, zone_within
 from imdim.geometry.finish.posed import PosedPrimitive

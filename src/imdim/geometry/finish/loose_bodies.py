@@ -23,7 +23,7 @@ from imdim.geometry.finish.extend import Face, between, length, plane_faces
 from imdim.geometry.finish.tolerances import TOUCH
 from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, to_manifold, volume_iou
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import orient_loops, ring_curves
+from imdim.program.outline import arc_center, arc_radius, orient_loops, ring_curves
 from imdim.program.paths import leaf_paths, without
 from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
@@ -34,17 +34,19 @@ OVERLAPS = 1e-4, 1e-5  # of it, by which bodies are joined at least: files and r
 LOST = 3e-4  # of the volume IoU, that it may cost: a whole face may have to move
 FACETED = 1e-2  # of a body's own diagonal, that its corners may lie off the feature that it is
 MOST = 8  # bodies that are mended
+BESIDE = 0.05  # of a round wall's chord, from either end, where its middle would have to move far
+CHORDS = 6e-4  # of a radius, by which facets miss it
 
 
 class DrawnWall(NamedTuple):
-    """A straight wall of an extrusion: its loop, and its curve there, of those that `orient_loops` gives."""
+    """A wall of an extrusion: its loop, and its curve there, of those that `orient_loops` gives."""
 
     loop: int
     curve: int
 
 
 class FaceMove(NamedTuple):
-    """Of one face or wall of the leaf with a number, outward by `by`."""
+    """Of one face or wall of the leaf with a number, outward by `by`; of a round wall it is its middle that moves, not its ends."""
 
     by: float
     leaf: int
@@ -143,7 +145,8 @@ def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, ov
             yield from (FaceMove(sign * join, i, face) for face, out in ends if np.abs(out).min() <= reach)
             yield from (FaceMove(join, i, wall) for wall, out in walls if sign > 0 and np.abs(out).min() <= reach)
             continue
-        for face, out in (*faces, *walls):
+        round_walls = _round_walls(leaf, corners) if leaf.kind == "extrude" else ()
+        for face, out in (*faces, *walls, *round_walls):
             near, far = (out.min(), out.max()) if sign < 0 else (out.max(), out.min())
             # past a cut, or behind the end of what it is of
             if abs(near) <= TOUCH * size < abs(far) <= REACH * size:
@@ -160,6 +163,25 @@ def straight_walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[DrawnW
                 yield DrawnWall(k, j), (flat - (x, y)) @ (v - y, x - u) / math.hypot(u - x, v - y)
 
 
+def _round_walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[DrawnWall, np.ndarray]]:
+    """The round walls of an extrusion that all points [n, 3] lie beside, away from its ends, and how far out of each its middle has to
+    move for it to reach them; nothing for those that lie on it, but for facets."""
+    assert leaf.outline is not None
+    flat = ((points - leaf.center) @ exact_rotation(leaf))[:, :2]
+    for k, ring in enumerate(orient_loops(leaf.outline.loops)):
+        for j, curve in enumerate([] if isinstance(ring, Ellipse) else ring_curves(ring)):
+            x, y, u, v, bulge = curve
+            if not 0 < abs(bulge) <= 1:
+                continue
+            chord, radius = np.array([u - x, v - y]), arc_radius(curve)
+            share = (flat - (x, y)) @ chord / (chord @ chord)
+            if ((share > BESIDE) & (share < 1 - BESIDE)).all():
+                out = math.copysign(1.0, bulge) * (np.linalg.norm(flat - arc_center(curve), axis=1) - radius)
+                facets = CHORDS * radius
+                inside = np.where(out >= -facets, 0.0, out)
+                yield DrawnWall(k, j), np.where(out > TOUCH * radius, out + facets, inside) / (4 * share * (1 - share))
+
+
 def move_face(leaf: Primitive, move: FaceMove) -> Primitive:
     if isinstance(move.face, DrawnWall):
         return _widened(leaf, move.face, move.by)
@@ -172,6 +194,10 @@ def _widened(leaf: Primitive, wall: DrawnWall, by: float) -> Primitive:
     assert leaf.outline is not None
     ring = orient_loops(leaf.outline.loops)[wall.loop]
     assert not isinstance(ring, Ellipse)
+    x, y, u, v, bulge = ring_curves(ring)[wall.curve]
+    if bulge:
+        rounder = (x, y, bulge + 2 * by / math.hypot(u - x, v - y))
+        return redraw_loop(leaf, wall.loop, (*ring[: wall.curve], rounder, *ring[wall.curve + 1 :])) or leaf
     wider = straighten_run(ring, wall.curve, 1, by)
     return (redraw_loop(leaf, wall.loop, wider) if wider else None) or leaf
 
