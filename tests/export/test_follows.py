@@ -26,6 +26,10 @@ def _walls(leaf, axis):
     return sorted({round(v[axis] + leaf.center[axis], 6) for v in leaf.outline.loops[0]})
 
 
+# holes about an axis: how long and how far out they are, which way from it, and their turn
+AROUND = [
+    (h, r, math.cos(math.radians(turn)), math.sin(math.radians(turn)), turn) for h, r, turn in ((30, 40, 0), (26, 38, 120), (22, 37, -120))
+]
 STEPPED = [(-30.0, -20.0), (30.0, -20.0), (30.0, 0.0), (10.0, 0.0), (10.0, 20.0), (-30.0, 20.0)]
 
 
@@ -184,6 +188,19 @@ def test_a_plug_in_a_hole_aslant_has_its_radius_and_its_height():
     for name, value in part.values.items():
         _, hole, plug = leaves(change_values(part, {name: 1.1 * value}).program)
         assert (hole.size[0], hole.center[2]) == (plug.size[0], plug.center[2]), name
+
+
+def test_a_turned_plug_and_its_copies_have_the_radius_of_their_holes():
+    """A sleeve in each of three holes about an axis, which are no copies: they end in the air at different places."""
+    ring = ((3.0, -7.0, 0.0), (5.0, -7.0, 0.0), (5.0, 7.0, 0.0), (3.0, 7.0, 0.0))
+    holes = [Primitive("cylinder", (5.0, h), (r * x, r * y, 0.0), (0.0, 90.0, turn)) for h, r, x, y, turn in AROUND]
+    sleeves = [Primitive("revolve", (360.0,), (35 * x, 35 * y, 0.0), (0.0, 90.0, turn), Outline((ring,))) for _, _, x, y, turn in AROUND]
+    body = Combine("difference", Primitive("cylinder", (40.0, 20.0)), Primitive("cylinder", (29.0, 22.0)))
+    part = opened(reduce(partial(Combine, "union"), sleeves, reduce(partial(Combine, "difference"), holes, body)))
+    (wide,) = (name for name, value in part.values.items() if value == 10.0)
+    wider = [leaf for leaf in leaves(change_values(part, {wide: 12.0}).program) if leaf.rotation != (0.0, 0.0, 0.0)]
+    assert len(wider) == 6
+    assert all(leaf.size[0] == 6.0 if leaf.kind == "cylinder" else max(x for x, _, _ in leaf.outline.loops[0]) == 6.0 for leaf in wider)
 
 
 def _place(part, corner):

@@ -105,7 +105,7 @@ class LinearSystem:
         system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded, sign)
         sources = add_diameters(system, parts, folded)
         system.twins = find_twins(constraints, parts, EXACT * system.length)
-        system.rows += bind_plugs(parts, sources)
+        system.rows += bind_plugs(parts, sources, system.drawn)
         whole = program if delivered is None else delivered
         if folded is not None:
             system.rows += stand_on_rims(system, whole, folded)

@@ -2,39 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
-from imdim.export.outline_joints import Row
+from imdim.export.outline_joints import Row, sum_rows
+from imdim.export.outline_rows import Drawn
 from imdim.export.outline_walls import EXACT
+from imdim.export.round_seats import walls_about_axis
 from imdim.export.seats import ALIGNED, End, ends_of, place_of
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation
+from imdim.program.ellipse import Ellipse
 from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves, longest
 
 HAIR = 1e-3  # of the largest size, by which people let stacked parts overlap
 
 
-def bind_plugs(parts: Sequence[Primitive], sources: Sequence[int]) -> Iterator[Row]:
-    """Equal radii of cylinders that have one wall and meet in it, and equal places along the world's axes across theirs; copies follow
-    their `sources`."""
+class _Wall(NamedTuple):
+    """A round wall of a leaf about its own axis: its radius, from where to where it runs from the middle of the leaf, and what its radius
+    is the sum of."""
+
+    radius: float
+    low: float
+    high: float
+    size: Row
+
+
+def bind_plugs(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mapping[int, Drawn]) -> Iterator[Row]:
+    """Equal radii of cylinders, and of what is `drawn` and turned, that have one wall and meet in it, and equal places along the world's
+    axes across theirs; copies follow their `sources`."""
     slack = EXACT * longest(parts)
-    rounds = [(i, exact_rotation(p)[:, 2]) for i, p in enumerate(parts) if p.kind == "cylinder" and sources[i] == i]
+    walls = {i: list(_walls_of(p, sources[i], drawn.get(sources[i], ()))) for i, p in enumerate(parts)}
+    rounds = [(i, exact_rotation(parts[i])[:, 2]) for i, own in walls.items() if own]
     for (a, along), (b, other) in combinations(rounds, 2):
-        if abs(along @ other) > 1 - ALIGNED**2 and _meet(parts[a], parts[b], along, slack):
-            yield {6 * a: 1.0, 6 * b: -1.0}
+        are_copies = sources[a] != a, sources[b] != b
+        if sources[a] == sources[b] or all(are_copies) or abs(along @ other) <= 1 - ALIGNED**2:
+            continue
+        met = [(one, two) for one in walls[a] for two in walls[b] if _meet((parts[a], one), (parts[b], two), along, other, slack)]
+        yield from (sum_rows((one.size, 1.0), (two.size, -1.0)) for one, two in met)
+        if met and not any(are_copies):
             yield from ({6 * a + 3 + i: 1.0, 6 * b + 3 + i: -1.0} for i in range(3) if abs(along[i]) <= ALIGNED)
 
 
-def _meet(a: Primitive, b: Primitive, along: np.ndarray, slack: float) -> bool:
-    """Whether two cylinders along a unit vector [3] share a wall."""
-    apart = np.subtract(a.center, b.center)
+def _walls_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_Wall]:
+    """Those of a cylinder, or of what is turned, a copy of the leaf `source`."""
+    if part.kind == "cylinder":
+        yield _Wall(part.size[0], -part.size[1] / 2, part.size[1] / 2, {6 * source: 1.0})
+    elif part.kind == "revolve" and part.outline is not None:
+        for loop, ring in zip(part.outline.loops, drawn, strict=False):
+            if not isinstance(loop, Ellipse) and isinstance(ring, tuple):
+                yield from (_Wall(x, min(y, v), max(y, v), dict(vertex.x.row)) for vertex, x, y, v in walls_about_axis(ring, loop))
+
+
+def _meet(one: tuple[Primitive, _Wall], two: tuple[Primitive, _Wall], along: np.ndarray, other: np.ndarray, slack: float) -> bool:
+    """Whether two round walls share a wall; the axes of their leaves are unit vectors [3] that are parallel."""
+    (a, wall), (b, its) = one, two
+    apart = np.subtract(b.center, a.center)
     off = float(apart @ along)
     aside = np.abs(apart - off * along).max()
-    return bool(abs(a.size[0] - b.size[0]) <= slack and aside <= slack and abs(off) <= (a.size[1] + b.size[1]) / 2 + slack)
+    low, high = (its.low, its.high) if along @ other > 0 else (-its.high, -its.low)
+    touch = wall.low - slack <= off + high and off + low <= wall.high + slack
+    return bool(abs(wall.radius - its.radius) <= slack and aside <= slack and touch)
 
 
 def find_stacked(program: Program, sources: Sequence[int]) -> Iterator[tuple[End, End]]:

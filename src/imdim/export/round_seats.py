@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from imdim.export.drawn_vertex import DrawnVertex
 from imdim.export.outline_joints import Row, sum_rows
+from imdim.export.outline_rows import Sum
 from imdim.export.seats import End, ends_of, place_of, reach_of, world_axis
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import loop_area, nesting, ring_curves
+from imdim.program.outline import Ring, loop_area, nesting, ring_curves
 from imdim.program.roles import cuts_of_each, signs
 from imdim.program.tree import Primitive, Program, leaves
 
@@ -83,10 +85,17 @@ def list_round_walls(system: LinearSystem, leaf: int, part: Primitive, adds: boo
         if isinstance(loop, Ellipse) or not isinstance(ring, tuple):
             continue
         outwards = nested if loop_area(loop) > 0 else -nested
-        for vertex, (x, y, u, v, bulge) in zip(ring, ring_curves(loop), strict=True):
-            if x == u and x > 0 and not bulge:
-                low, high = sorted((at + way * y, at + way * v))
-                yield EnteredWall(leaf, along, (low, high), x, dict(vertex.x.row), ((v - y) * outwards > 0) == adds)
+        for vertex, x, y, v in walls_about_axis(ring, loop):
+            low, high = sorted((at + way * y, at + way * v))
+            yield EnteredWall(leaf, along, (low, high), x, dict(vertex.x.row), ((v - y) * outwards > 0) == adds)
+
+
+def walls_about_axis(ring: Sequence[DrawnVertex[Sum]], loop: Ring) -> Iterator[tuple[DrawnVertex[Sum], float, float, float]]:
+    """The walls of a turned loop that are as far from its axis everywhere: the vertex that each begins at, its radius, and the levels where
+    it begins and ends."""
+    for vertex, (x, y, u, v, bulge) in zip(ring, ring_curves(loop), strict=True):
+        if x == u and x > 0 and not bulge:
+            yield vertex, x, y, v
 
 
 def _is_entered(wall: EnteredWall, parts: Sequence[Primitive], end: End) -> bool:

@@ -55,12 +55,14 @@ def draw_webs(program: Program, solid: Manifold, deadline: Deadline = NEVER) -> 
     Both are in one frame. No body, hole or void comes or goes that the target has not, and the IoU with it stays. Past the `deadline` (by
     default never) the other webs stay.
     """
-    while trial := next((trial for trial in _proposals(program) if not deadline.has_passed() and _is_as_near(trial, program, solid)), None):
+    while trial := next((trial for trial in _proposals(program) if not deadline.has_passed() and is_as_near(trial, program, solid)), None):
         program = trial
     return program
 
 
-def _is_as_near(after: Program, before: Program, solid: Manifold) -> bool:
+def is_as_near(after: Program, before: Program, solid: Manifold) -> bool:
+    """Whether a program has the target's `solid` as well as the one before it: the IoU stays, and bodies, holes and voids are no further
+    off."""
     made, out = join_touching(before), join_touching(after)
     if volume_iou(out, solid) < volume_iou(made, solid) - LOST:
         return False

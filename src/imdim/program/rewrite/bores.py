@@ -36,7 +36,7 @@ def _change_drawings(program: Program, change: Callable[[Primitive, Chain, Chain
     slack = TOUCH * longest(leaves(program))
 
     def changed(_: int, leaf: Primitive) -> Program:
-        sides = _sides(leaf, slack)
+        sides = sides_of(leaf, slack)
         return leaf if sides is None else change(leaf, *sides, slack) or leaf
 
     return fold(program, changed, {op: partial(Combine, op) for op in OPS})
@@ -55,7 +55,7 @@ def _stack(leaf: Primitive, outer: Chain, inner: Chain, slack: float) -> Program
     return combine_all("difference", [combine_all("union", [*bodies]), *bores]) if bodies and bores is not None else None
 
 
-def _sides(leaf: Primitive, slack: float) -> tuple[Chain, Chain] | None:
+def sides_of(leaf: Primitive, slack: float) -> tuple[Chain, Chain] | None:
     """The vertices of a turned ring that look away from the axis and to it, either from the bottom to the top; None for other leaves."""
     if leaf.kind != "revolve" or leaf.size[0] != FULL_TURN or leaf.outline is None or len(leaf.outline.loops) > 1:
         return None
