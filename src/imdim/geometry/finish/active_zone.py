@@ -7,6 +7,7 @@ in the region decide.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from manifold3d import Manifold
@@ -110,28 +111,36 @@ def zone_within(
     return zone
 
 
-def _operations_above(program: Program, index: int) -> Iterator[tuple[Op, int, Program]]:
-    """What is done to leaf `index`, from the nearest on: it is cut to what stands beside it ("intersection") or that is taken from it
-    ("difference"), as far as the result depends on the leaf; with the number of the first leaf of what stands beside."""
-    above: list[tuple[Op, int, Program]] = []
+class _Operation(NamedTuple):
+    """What is done to a leaf, as far as the result depends on it: it is cut to what stands `beside` it ("intersection"), or that is taken
+    from it ("difference"); with the number of the first leaf of that."""
+
+    op: Op
+    first: int
+    beside: Program
+
+
+def _operations_above(program: Program, index: int) -> Iterator[_Operation]:
+    """What is done to leaf `index`, from the nearest on."""
+    above: list[_Operation] = []
     counts, node, first = _count_leaves(program), program, 0
     while isinstance(node, Combine):
         middle = first + counts[id(node.left)]
         if index < middle:
-            above.append(("intersection" if node.op == "intersection" else "difference", middle, node.right))
+            above.append(_Operation("intersection" if node.op == "intersection" else "difference", middle, node.right))
             node = node.left
         else:
-            above.append(("difference" if node.op == "union" else "intersection", first, node.left))
+            above.append(_Operation("difference" if node.op == "union" else "intersection", first, node.left))
             node, first = node.right, middle
     while above:
         op, first, node = above.pop()
         middle = 0 if isinstance(node, Primitive) else first + counts[id(node.left)]
         if isinstance(node, Combine) and op == "difference" and node.op == "union":
-            above += [(op, middle, node.right), (op, first, node.left)]
+            above += [_Operation(op, middle, node.right), _Operation(op, first, node.left)]
         elif isinstance(node, Combine) and op == "intersection" and node.op != "union":
-            above += [(node.op, middle, node.right), (op, first, node.left)]
+            above += [_Operation(node.op, middle, node.right), _Operation(op, first, node.left)]
         else:
-            yield op, first, node
+            yield _Operation(op, first, node)
 
 
 def _count_leaves(program: Program) -> dict[int, int]:
