@@ -4,13 +4,15 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from functools import reduce
+from functools import partial, reduce
+from itertools import count
 
 import pytest
 from tests.export.blended import CASES
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
 
+from imdim.deadline import NEVER, Deadline
 from imdim.export import step, step_booleans, step_worker
 from imdim.export.placed_edges import PlacedEdges
 from imdim.export.step import StepError, read_step, shape_volume, step_volume, to_shape, write_stages, write_step
@@ -57,7 +59,7 @@ def test_step_is_in_millimetres_whatever_the_document_is_in(tmp_path):
     for units in ("inch", "unspecified"):
         (tmp_path / f"{units}.json").write_text(dumps(Combine("union", plate, boss), Meta(units), edges=[rim]))
         job = step_worker.start_step(tmp_path / f"{units}.json", tmp_path / f"{units}.step")
-        exported = step_worker.finish_step(job, 120.0)
+        exported = step_worker.finish_step(job, NEVER.ahead(120.0))
         assert (exported.edges, exported.sharp) == (4, ())
     inches, plain = (step_volume(tmp_path / f"{units}.step") for units in ("inch", "unspecified"))
     assert inches == pytest.approx(25.4**3 * plain, rel=1e-6)
@@ -88,12 +90,12 @@ def test_a_process_of_its_own_gives_the_volume_or_the_reason(tmp_path, monkeypat
     for name, part in (("good", program), ("empty", Combine("difference", program, program))):
         (tmp_path / f"{name}.json").write_text(dumps(part))
     good, empty = (step_worker.start_step(tmp_path / f"{name}.json", tmp_path / f"{name}.step") for name in ("good", "empty"))
-    assert step_worker.finish_step(good, 60).volume == pytest.approx(exact, rel=1e-9)
+    assert step_worker.finish_step(good, NEVER.ahead(60)).volume == pytest.approx(exact, rel=1e-9)
     with pytest.raises(StepError, match=r"^OpenCASCADE built an invalid or empty solid$"):
-        step_worker.finish_step(empty, 60)
+        step_worker.finish_step(empty, NEVER.ahead(60))
     slow = step_worker.start_step(tmp_path / "good.json", tmp_path / "slow.step")
-    with pytest.raises(StepError, match="took more than 0 s"):
-        step_worker.finish_step(slow, 0)
+    with pytest.raises(StepError, match="took more than 3 s"):
+        step_worker.finish_step(slow, Deadline(3.0, partial(next, count(0.0))))  # by a clock of its own
     assert slow.process.returncode is not None
     assert sorted(path.name for path in tmp_path.glob("*.step")) == ["good.step"]
 
@@ -138,7 +140,7 @@ def test_faces_have_the_names_that_are_handed_over(tmp_path):
     (tmp_path / "program.json").write_text(dumps(KNOWN["drilled block"][0]))
     handed, own = ["slab", "bore"], []
     for names, out in ((handed, "handed.step"), (own, "own.step")):
-        step_worker.finish_step(step_worker.start_step(tmp_path / "program.json", tmp_path / out, "part", names), 120.0)
+        step_worker.finish_step(step_worker.start_step(tmp_path / "program.json", tmp_path / out, "part", names), NEVER.ahead(120.0))
     text, plain = ((tmp_path / out).read_text() for out in ("handed.step", "own.step"))
     assert all(f"'{name}'" in text and f"'{name}'" not in plain for name in handed)
 
@@ -150,7 +152,7 @@ def test_a_worker_that_waits_writes_what_it_is_told_or_is_sent_home(tmp_path):
     with step_worker.exporting(tmp_path, worker=waiting) as job:
         assert job.process is waiting.process
         volumes = {}
-        assert step_worker.finish_or_skip_step(job, 60, volumes, []) == {}
+        assert step_worker.finish_or_skip_step(job, NEVER.ahead(60), volumes, []) == {}
     assert volumes["program.step"] == pytest.approx(exact, rel=1e-9)
     for worker in (waiting, idle):
         step_worker.stop_worker(worker)
@@ -179,7 +181,7 @@ def test_an_export_that_ended_too_late_leaves_no_file_and_no_pipe(tmp_path, monk
     monkeypatch.setattr(job.process, "communicate", late)
     assert job.out.exists()
     with pytest.raises(StepError, match="took more than 1 s"):
-        step_worker.finish_step(job, 1)
+        step_worker.finish_step(job, NEVER.ahead(1))
     assert not job.out.exists()
     assert job.process.stdout.closed
     assert job.process.stderr.closed
@@ -217,7 +219,7 @@ def test_the_first_file_stays_where_time_ends_the_look_for_a_better_one(tmp_path
 
     monkeypatch.setattr(job.process, "communicate", late)
     volumes: dict[str, float] = {}
-    said = step_worker.finish_or_skip_step(job, 1, volumes, ())
+    said = step_worker.finish_or_skip_step(job, NEVER.ahead(1), volumes, ())
     assert said == {"program.step": "written, the first valid one, perhaps in more solids: OpenCASCADE took more than 1 s"}
     assert volumes == {"program.step": told.volume}
     assert job.out.exists()

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import quad
 from tests.export.blended import BOSSED, BOX, CASES, MOUTH, PLATE, RIM, chamfer, fillet, inset, rim
 
+from imdim.deadline import NEVER
 from imdim.export import step_blends, step_worker
 from imdim.export.step import read_step, step_volume, write_step
 from imdim.export.step_booleans import solids_in
@@ -100,13 +101,13 @@ def test_the_worker_reads_edges_and_says_which_are_sharp(tmp_path):
     (tmp_path / "program.json").write_text(dumps(BOX, edges=edges))
     volumes: dict[str, float] = {}
     with step_worker.exporting(tmp_path) as job:
-        said = step_worker.finish_or_skip_step(job, 60, volumes, edges)
+        said = step_worker.finish_or_skip_step(job, NEVER.ahead(60), volumes, edges)
     one, other = RIM[1]
     assert said == {"program.step": f"written, 1 of 2 edges not blended: fillet2: {one} with {other}"}
     assert volumes["program.step"] == pytest.approx(6000 - 20 * (4 - math.pi), rel=1e-9)
     (tmp_path / "program.json").write_text(dumps(BOX, edges=[fillet(2.0, RIM[:1])]))
     with step_worker.exporting(tmp_path) as job:
-        assert step_worker.finish_or_skip_step(job, 60, volumes, []) == {}
+        assert step_worker.finish_or_skip_step(job, NEVER.ahead(60), volumes, []) == {}
 
 
 def stand_in(folder, after: str) -> step_worker.StepJob:
@@ -122,7 +123,7 @@ def stand_in(folder, after: str) -> step_worker.StepJob:
 )
 def test_the_sharp_part_stays_where_opencascade_is_lost_in_blends(after, reason, tmp_path):
     volumes: dict[str, float] = {}
-    said = step_worker.finish_or_skip_step(stand_in(tmp_path, after), 2, volumes, [fillet(2.0, RIM[:2])])
+    said = step_worker.finish_or_skip_step(stand_in(tmp_path, after), NEVER.ahead(2), volumes, [fillet(2.0, RIM[:2])])
     assert said == {"program.step": f"written, 2 of 2 edges not blended: {reason}"}
     assert volumes == {"program.step": 6000}
     assert [path.name for path in tmp_path.iterdir()] == ["program.step"]

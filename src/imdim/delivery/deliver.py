@@ -122,7 +122,7 @@ def deliver(
             with _time(seconds, "step"):
                 volumes = _volumes(partial, target, delivered)
                 left = min(max(step_by.left(), LEAST_STEP_S), step_limit_s)
-                skipped = finish_or_skip_step(job, left, volumes, found.edges)
+                skipped = finish_or_skip_step(job, step_by.ahead(left), volumes, found.edges)
         skipped |= unwritten(program)
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no time was left" if found.hurried else "skipped: no part repeats"
@@ -178,7 +178,7 @@ def export(
             write_meshes(solid, partial, called, meta.units)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
-            skipped = finish_or_skip_step(job, step_limit_s, {}, found.edges) | unwritten(program)
+            skipped = finish_or_skip_step(job, NEVER.ahead(step_limit_s), {}, found.edges) | unwritten(program)
         files = {path.name: "written" for path in sorted(partial.iterdir())}
     return {**files, **skipped}
 

@@ -20,6 +20,7 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
+from imdim.deadline import NEVER
 from imdim.delivery import first_run
 from imdim.delivery.deliver import RunRecord, check_untouched, compose_texts, deliver
 from imdim.delivery.finish import FinishedProgram, finish
@@ -128,7 +129,7 @@ class Reconstruction:
             document.write_text(self.to_json(), encoding="utf-8")
             job = start_step(document, written, Path(self.target.name).stem)
             try:
-                finish_step(job, limit_s)
+                finish_step(job, NEVER.ahead(limit_s))
             finally:
                 stop_step(job)
             os.replace(written, path)

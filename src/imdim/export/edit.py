@@ -15,6 +15,7 @@ from pathlib import Path
 
 from manifold3d import Manifold
 
+from imdim.deadline import NEVER
 from imdim.export.customizer import slider
 from imdim.export.delivered import AGREE, LOOPS, NAMED, SEGMENTS_LINE, Delivered, EditError, is_size, read, read_values, texts_of
 from imdim.export.edge_text import with_edge_sizes
@@ -252,7 +253,7 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
         skipped: dict[str, str] = {}
         if step_limit_s:
             with exporting(partial, name, named.names.features) as job:
-                skipped = finish_or_skip_step(job, step_limit_s, {}, delivered.edges)
+                skipped = finish_or_skip_step(job, NEVER.ahead(step_limit_s), {}, delivered.edges)
         files = {file: "written" for file in FILES if (partial / file).exists()}
     return {**files, **skipped}
 

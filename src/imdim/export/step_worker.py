@@ -22,6 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, NamedTuple
 
+from imdim.deadline import Deadline
 from imdim.export.part_names import NAMELESS, PartNames, spell
 from imdim.export.placed_edges import PlacedEdges
 from imdim.export.step import StepError, path_beside, write_stages
@@ -32,6 +33,8 @@ from imdim.program.edges import EdgeFeature, EdgeNumber, name_edges, scale_edges
 from imdim.program.tree import Primitive, Program, map_leaves, map_lengths
 from imdim.program.units import to_millimetres
 from imdim.side_process import end_with_parent
+
+LOOK_S = 0.1  # between two looks at the clock, which may be another than the wall's
 
 
 class Exported(NamedTuple):
@@ -98,13 +101,18 @@ def _place_edges(document: Path) -> PlacedEdges:
     return PlacedEdges.of(program, edges) if edges else PlacedEdges()
 
 
-def finish_step(job: StepJob, limit_s: float) -> Exported:
-    """Wait at most `limit_s` seconds; what was written. Raises StepError, and leaves no file, when there is none."""
-    try:
-        out, problems = job.process.communicate(timeout=limit_s)
-    except subprocess.TimeoutExpired as error:
-        _end(job)
-        return _last_stage(job, (error.stdout or b"").decode(), f"OpenCASCADE took more than {limit_s:.2g} s")  # type: ignore[union-attr]
+def finish_step(job: StepJob, deadline: Deadline) -> Exported:
+    """Wait until the `deadline` at most; what was written. Raises StepError, and leaves no file, when there is none."""
+    limit_s = deadline.left()
+    while True:
+        try:
+            out, problems = job.process.communicate(timeout=min(deadline.left(), LOOK_S))
+            break
+        except subprocess.TimeoutExpired as error:
+            if deadline.left() == 0.0:
+                _end(job)
+                told = (error.stdout or b"").decode()  # type: ignore[union-attr]
+                return _last_stage(job, told, f"OpenCASCADE took more than {limit_s:.2g} s")
     _end(job)
     if job.process.returncode == 0:
         return _read_stage(out.splitlines()[-1])
@@ -162,14 +170,14 @@ def exporting(
 
 
 def finish_or_skip_step(
-    job: StepJob | StepError, limit_s: float, volumes: dict[str, float], features: Sequence[EdgeFeature]
+    job: StepJob | StepError, deadline: Deadline, volumes: dict[str, float], features: Sequence[EdgeFeature]
 ) -> dict[str, str]:
     """Wait for the file, whose volume joins `volumes`; why there is none, why it is the first of several, or which edges of the `features`
     are sharp in it, by its name."""
     try:
         if isinstance(job, StepError):
             raise job
-        exported = finish_step(job, limit_s)
+        exported = finish_step(job, deadline)
     except StepError as error:
         return {"program.step": f"skipped: {error}"}
     volumes["program.step"] = exported.volume
