@@ -186,10 +186,10 @@ def test_no_step_is_reported_and_an_earlier_one_does_not_stay(delivered, target,
 def test_step_gets_the_time_that_is_left_when_all_else_is_written(target, tmp_path, monkeypatch):
     """A moment where that is none, and never more than its own limit."""
     waited: list[float] = []
-    monkeypatch.setattr(module, "finish_or_skip_step", lambda job, limit_s, *_: waited.append(limit_s) or {"program.step": "skipped: late"})
+    monkeypatch.setattr(module, "finish_or_skip_step", lambda job, by, *_: waited.append(by.left()) or {"program.step": "skipped: late"})
     for by in (PASSED, Deadline(7.0, lambda: 2.0), NEVER):
         deliver(PROGRAM, target, tmp_path / "out", RUN, step_by=by)
-    assert waited == [module.LEAST_STEP_S, 5.0, module.STEP_LIMIT_S]
+    assert waited == pytest.approx([module.LEAST_STEP_S, 5.0, module.STEP_LIMIT_S], abs=0.5)
 
 
 @pytest.mark.usefixtures("without_step")

@@ -33,7 +33,7 @@ def test_a_long_program_of_a_mesh_leaves_time_for_its_files(monkeypatch):
 
 def test_a_search_leaves_time_to_fit_what_is_slow_to_make_but_keeps_half_of_its_own(monkeypatch):
     search_by, fit_by, end = (Deadline(at, lambda: 5.0) for at in (30.0, 47.0, 60.0))
-    for solid_s, left in ((0.01, 25.0), (0.3, 42.0 - delivery_time.FITTED * 0.3 - 6.15), (3.0, 12.5)):
+    for solid_s, left in ((0.01, 25.0), (0.3, 42.0 - delivery_time.FITTED * 0.3 - 3.15), (3.0, 12.5)):
         monkeypatch.setattr(delivery_time, "time_solid", lambda _, clock, took=solid_s: took)
         assert leave_time_to_fit(box(1, 1, 1), search_by, fit_by, end).left() == pytest.approx(min(left, 25.0))
 

@@ -14,7 +14,7 @@ from imdim.geometry.solid import time_solid
 from imdim.program.cost import count
 from imdim.program.tree import Program
 
-SOLIDS, LEAF_S, CURVE_S = 40.0, 0.15, 0.03  # solids that are made, and seconds for each leaf and curve
+SOLIDS, LEAF_S, CURVE_S = 30.0, 0.15, 0.03  # solids that are made, and seconds for each leaf and curve
 FITTED = 20.0  # solids that are made while numbers are fitted
 OWN = 0.5  # of the time that a search has left, which it keeps
 # seconds that the shares leave of a noisy cloud in any case before numbers are fitted, and from then on

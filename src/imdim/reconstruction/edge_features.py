@@ -206,7 +206,7 @@ def _pairs(
     slack = NEAR * max(chain.sizes) + NEAR_PART * float(np.linalg.norm(target.mesh.extents))
     beside: list[dict[Face, bool]] = []
     for side in blend.sides[:2]:
-        there = _along_side(side, blend.corners, slack)
+        there = np.unique(_along_side(side, blend.corners, slack), axis=0)  # however many triangles each is a corner of
         found = [face for face, surface in faces if _is_beside(surface, side, there, slack)]
         # a blend may go on beyond the end of a face, round a corner
         beside.append({face: bool(np.median(np.abs(program_sdf(parts[face.leaf], there))) <= slack) for face in found})
