@@ -37,7 +37,7 @@ FILED_S, PICTURE_S = 1.5, 0.8  # for those of a program as it was found, and for
 # for texts, scores and pictures, which take that long whatever the part; at most that share of a budget
 WRITING_S, WRITING_SHARE = 2.0, 0.4
 LEAST_S = 1.0  # for the reconstruction, however long loading took
-STEP_SHARE = 0.03  # of the budget, which STEP may take beyond it
+STEP_SHARE = 0.01  # of the budget, which STEP may take beyond it; what Python takes to start comes on top
 MOST_SAID = 6  # groups of holes on the screen; the report has all
 DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
 SAID_REGIONS, LEAST_SAID = 3, 1e-3  # regions on the screen, and the share of the surface from which one is named
