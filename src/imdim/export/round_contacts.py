@@ -22,7 +22,7 @@ from imdim.program.tree import Primitive, Program, leaves, longest
 HAIR = 1e-3  # of the largest size, by which people let stacked parts overlap
 
 
-class _Wall(NamedTuple):
+class _AxialWall(NamedTuple):
     """A round wall of a leaf about its own axis: its radius, from where to where it runs from the middle of the leaf, and what its radius
     is the sum of."""
 
@@ -48,17 +48,17 @@ def bind_plugs(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mappin
             yield from ({6 * a + 3 + i: 1.0, 6 * b + 3 + i: -1.0} for i in range(3) if abs(along[i]) <= ALIGNED)
 
 
-def _walls_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_Wall]:
+def _walls_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_AxialWall]:
     """Those of a cylinder, or of what is turned, a copy of the leaf `source`."""
     if part.kind == "cylinder":
-        yield _Wall(part.size[0], -part.size[1] / 2, part.size[1] / 2, {6 * source: 1.0})
+        yield _AxialWall(part.size[0], -part.size[1] / 2, part.size[1] / 2, {6 * source: 1.0})
     elif part.kind == "revolve" and part.outline is not None:
         for loop, ring in zip(part.outline.loops, drawn, strict=False):
             if not isinstance(loop, Ellipse) and isinstance(ring, tuple):
-                yield from (_Wall(x, min(y, v), max(y, v), dict(vertex.x.row)) for vertex, x, y, v in walls_about_axis(ring, loop))
+                yield from (_AxialWall(x, min(y, v), max(y, v), dict(vertex.x.row)) for vertex, x, y, v in walls_about_axis(ring, loop))
 
 
-def _meet(one: tuple[Primitive, _Wall], two: tuple[Primitive, _Wall], along: np.ndarray, other: np.ndarray, slack: float) -> bool:
+def _meet(one: tuple[Primitive, _AxialWall], two: tuple[Primitive, _AxialWall], along: np.ndarray, other: np.ndarray, slack: float) -> bool:
     """Whether two round walls share a wall; the axes of their leaves are unit vectors [3] that are parallel."""
     (a, wall), (b, its) = one, two
     apart = np.subtract(b.center, a.center)

@@ -54,7 +54,7 @@ if (!window.labTable) {
     if (!name || T.typed?.[0] !== name) return;
     const value = T.typed[1];
     T.typed = null;
-    send('ParameterValue', `${name}=${value}`);
+    if (value !== e.target.defaultValue) send('ParameterValue', `${name}=${value}`);
   };
   const leave = (e) => queueMicrotask(() => {
     if (!e.target.isConnected) return;
