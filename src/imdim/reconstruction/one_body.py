@@ -163,11 +163,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
             fit_by = leave_time_to_deliver(last.program, budget.part_of("measure", share), ALLOWED_AFTER_S)
             measured = snap_measured(last.program, found, frame.to_world(seen.target.points), fit_by)
             last = replace(last, program=measured, found=found, noisy=True)
-        # rounding may part what met; where time was short it is worth more than relations to open what should be open, and to join bodies
-        kind_by = budget.end_of("relate")
-        last = replace(last, program=_open_films(last.program, seen, frame, kind_by) or last.program)
-        if (bounded := _solid_in(seen, frame)) is not None and not kind_by.has_passed():
-            last = replace(last, program=close_voids(join_bodies(last.program, bounded, kind_by), bounded, kind_by))
+        # rounding may part what met; where time was short it is worth more than relations to mend that
+        last = replace(last, program=_mend_kind(last.program, seen, frame, budget.end_of("relate")))
         if last.found is None:  # relations that were found are of all its parts
             last = replace(last, program=_drop_spare(drop_idle(last.program, fit_by), seen, frame, fit_by))
     cut = seen.cut or fit_by.has_passed()
@@ -314,6 +311,16 @@ def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Dea
         return None
     opened = open_films(program, solid, deadline)
     return None if opened is program else opened
+
+
+def _mend_kind(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program:
+    """The program, in the body's units, with what is open in its mesh open, and with no more bodies and voids than that, as far as time and
+    moves of single faces allow."""
+    opened = _open_films(program, seen, frame, deadline) or program
+    solid = _solid_in(seen, frame)
+    if solid is None or deadline.has_passed():
+        return opened
+    return close_voids(join_bodies(opened, solid, deadline), solid, deadline)
 
 
 def _solid_in(seen: Observation, frame: Frame) -> Manifold | None:

@@ -6,7 +6,7 @@ then drawn twice, and wherever one of the two moves, slits open between them. As
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -34,8 +34,8 @@ def bore_plugs(program: Program, solid: Manifold, deadline: Deadline = NEVER) ->
     Both are in one frame. No body, hole or void comes or goes that the target has not, and the IoU with it stays. Past the `deadline` (by
     default never) the others stay.
     """
-    for take in (lambda plugs: [plugs], lambda plugs: [[plug] for plug in plugs]):
-        while trial := next((t for t in _trials(program, take) if not deadline.has_passed() and is_as_near(t, program, solid)), None):
+    for together in (True, False):
+        while trial := next((t for t in _trials(program, together) if not deadline.has_passed() and is_as_near(t, program, solid)), None):
             program = trial
     return program
 
@@ -49,8 +49,8 @@ class _Plug(NamedTuple):
     holes: set[Path]
 
 
-def _trials(program: Program, take: Callable[[list[_Plug]], list[list[_Plug]]]) -> Iterator[Program]:
-    """The program with the plugs of each group that is taken as bosses with bores."""
+def _trials(program: Program, together: bool) -> Iterator[Program]:
+    """The program with its plugs as bosses with bores, all `together` or each alone."""
     found, size = leaf_paths(program), longest(leaves(program))
     plugs: list[_Plug] = []
     for number, (path, leaf) in enumerate(found):
@@ -58,7 +58,8 @@ def _trials(program: Program, take: Callable[[list[_Plug]], list[list[_Plug]]]) 
         holes = {p for p, other in found if drawn and polarity(program, p) < 0 and _is_plugged(other, drawn[0], NEAR * size)}
         if drawn is not None and holes:
             plugs.append(_Plug(number, *drawn, holes))
-    for group in take(plugs) if plugs else ():
+    groups = [plugs] if together and plugs else [[plug] for plug in plugs]
+    for group in groups:
         if (trial := _bored(program, group)) is not None:
             yield trial
 
