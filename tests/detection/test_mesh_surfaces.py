@@ -1,6 +1,7 @@
 """The carriers that a part was drawn with, and no others, must be read off its tessellation."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from tests.planted import (
     union,
 )
 
+from imdim.deadline import NEVER
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.geometry.solid import to_trimesh
 from imdim.geometry.surface import Surface, normals, signed_distance, vec
@@ -158,6 +160,20 @@ def test_past_the_deadline_no_curved_surface_is_looked_for():
     mesh = mesh_of(CASES["egg on a plate"], 64)
     patches = detect_patches(mesh, PASSED)
     assert {patch.surface.kind for patch in patches} == {"plane"}
+
+
+def test_expected_carriers_are_found_where_they_are_and_nowhere_else():
+    """Also past the deadline; of two where a part has a third as well the third is found as ever."""
+    program = union(cylinder(20, 10), cylinder(8, 20, (0.0, 0.0, 12.0)), sphere(8, (0.0, 0.0, 22.0)))
+    round_ones = [c for c in carriers(program) if c.kind != "plane"]
+    assert len(round_ones) == 3
+    elsewhere = Surface("sphere", (90.0, 0.0, 0.0), (0.0, 0.0, 1.0), (8.0,))
+    near = [replace(c, sizes=(c.sizes[0] + 1e-3,)) for c in round_ones[:2]]
+    for deadline, wanted in ((PASSED, round_ones[:2]), (NEVER, round_ones)):
+        found = [p.surface for p in detect_patches(mesh_of(program), deadline, expected=[elsewhere, *near])]
+        curved = [s for s in found if s.kind != "plane"]
+        assert len(curved) == len(wanted)
+        assert all(any(same(a, b, 1e-4) for b in curved) for a in wanted)
 
 
 @pytest.mark.parametrize("straight", [1.0, 4.0, 12.0])

@@ -203,6 +203,29 @@ def test_a_turned_plug_and_its_copies_have_the_radius_of_their_holes():
     assert all(leaf.size[0] == 6.0 if leaf.kind == "cylinder" else max(x for x, _, _ in leaf.outline.loops[0]) == 6.0 for leaf in wider)
 
 
+def test_bores_of_bosses_in_a_circle_stay_in_them():
+    """Both lie along spokes about an axis: one circle has a name, and bores go on through longer bosses."""
+    tube = Combine("difference", Primitive("cylinder", (40.0, 30.0)), Primitive("cylinder", (30.0, 32.0)))
+
+    def spokes(radius, height, away):
+        return [Primitive("cylinder", (radius, height), (away * x, away * y, 0.0), (0.0, 90.0, turn)) for _, _, x, y, turn in AROUND]
+
+    bossed = reduce(partial(Combine, "union"), spokes(6.0, 14.0, 42.0), tube)
+    part = opened(reduce(partial(Combine, "difference"), spokes(3.0, 22.0, 39.0), bossed))
+    (circle,) = (name for name, value in part.values.items() if name.endswith("circle"))
+    assert part.values[circle] == 84.0
+    _, (before, *_) = _spokes_of(part.program)
+    for name, value, more in ((circle, 88.0, 2.0), ("disc_diameter", 78.0, 0.0)):
+        bosses, bores = _spokes_of(change_values(part, {name: value}).program)
+        assert bosses == [pytest.approx((42.0 + more, 16.0 + more))] * 3
+        assert bores == [pytest.approx((before[0] + more, before[1] + 2.0 + more))] * 3
+
+
+def _spokes_of(program):
+    """How far from the axis bosses of radius 6 are, and how long, and bores of radius 3."""
+    return ([(math.hypot(*leaf.center[:2]), leaf.size[1]) for leaf in leaves(program) if leaf.size[0] == r] for r in (6.0, 3.0))
+
+
 def _place(part, corner):
     return [part.center[axis] + corner[axis] for axis in (0, 1)]
 

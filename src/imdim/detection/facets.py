@@ -38,7 +38,12 @@ class Facets:
     @cached_property
     def _by_facet(self) -> tuple[np.ndarray, np.ndarray]:
         """The triangles [f] facet after facet, and where each facet's begin [u + 1]."""
-        return np.argsort(self.facet_of, kind="stable"), np.cumsum(np.append(0, np.bincount(self.facet_of, minlength=len(self.areas))))
+        return np.argsort(self.facet_of, kind="stable"), np.cumsum(np.append(0, self.triangle_counts))
+
+    @cached_property
+    def triangle_counts(self) -> np.ndarray:
+        """How many triangles each facet has [u]."""
+        return np.bincount(self.facet_of, minlength=len(self.areas))
 
     @cached_property
     def distinct(self) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ import numpy as np
 from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, points_of
 from imdim.detection.fit_ellipsoid import lies_on
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
+from imdim.detection.member_kernels import Carrier, follow, lie_within
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import FRAMED, Surface, is_spindle, normals, signed_distance, unit, vec
@@ -110,44 +111,17 @@ def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray
     facets, config = state.facets, state.config
     triangles = np.flatnonzero(state.free[facets.facet_of]) if among is None else facets.triangles(among)
     state.spent += len(triangles)
-    good = _lie_on(surface, facets, triangles, slack * config.on_surface * facets.diagonal)
-    if not good.any():  # as of most guesses
-        return np.flatnonzero(good)
-    fine = triangles[good]
-    along = _following(surface, facets.corners[fine], facets.normals[facets.facet_of[fine]], 10 * config.on_surface * facets.diagonal)
-    good[good] = along >= np.cos(np.radians(config.follow_deg))
-    bad = np.ones(len(facets.areas), bool)
-    bad[facets.facet_of[triangles]] = False
-    bad[facets.facet_of[triangles[~good]]] = True
-    return _without_flats(surface, np.flatnonzero(~bad), fine, along, state)
-
-
-def _lie_on(surface: Surface, facets: Facets, triangles: np.ndarray, slack: float) -> np.ndarray:
-    """Whether every corner of triangles [t] lies on a carrier, within `slack`; of many, each corner that several share is asked once."""
-    points, place = facets.distinct
-    if len(points) < 3 * len(triangles):
-        off = (np.abs(signed_distance(surface, points)) > slack)[place[triangles]]
-    else:
-        off = (np.abs(signed_distance(surface, facets.corners[triangles].reshape(-1, 3))) > slack).reshape(-1, 3)
-    return ~(off[:, 0] | off[:, 1] | off[:, 2])
-
-
-def _following(surface: Surface, corners: np.ndarray, facing: np.ndarray, blur: float) -> np.ndarray:
-    """The least cosine [t] between triangles' normals `facing` [t, 3] and the carrier's at their corners [t, 3, 3] and middles.
-
-    An ellipsoid's are compared as those of the ball that it is stretched from: facets at its tips turn as little there as elsewhere. A
-    disc inside a torus's topmost circle follows the torus at its corners alone. Within `blur` of a cone's apex there is no normal.
-    """
-    probes = np.concatenate([corners, corners.mean(1, keepdims=True)], axis=1)
-    direction = normals(surface, probes.reshape(-1, 3))
-    if surface.kind in FRAMED:
-        direction, facing = to_ball(surface, direction), to_ball(surface, facing)
-    along = np.abs(np.einsum("tci,ti->tc", direction.reshape(probes.shape), facing))
-    if surface.kind == "cone":
-        along[np.linalg.norm(probes - surface.point, axis=2) < blur] = 1.0
-    least, middle = along.min(1), along[:, 3]
-    leans = np.arccos(np.clip(middle, -1, 1)) > LEAN * np.arccos(np.clip(least, -1, 1)) + LEVEL
-    return np.where(leans, 0.0, least)
+    carrier = Carrier.of(surface)
+    fine = triangles[lie_within(carrier, facets.corners, triangles, slack * config.on_surface * facets.diagonal)]
+    if not len(fine):  # as of most guesses
+        return fine
+    facing = facets.normals[facets.facet_of[fine]]
+    along, middle, off = follow(carrier, facets.corners, facing, fine, 10 * config.on_surface * facets.diagonal)
+    # a disc inside a torus's topmost circle follows the torus at its corners alone
+    leans = np.arccos(np.minimum(middle, 1)) > LEAN * np.arccos(np.minimum(along, 1)) + LEVEL
+    along[leans] = 0.0
+    own, count = np.unique(facets.facet_of[fine[along >= np.cos(np.radians(config.follow_deg))]], return_counts=True)
+    return _without_flats(own[count == facets.triangle_counts[own]], facets.facet_of[fine], along, off, state)
 
 
 def to_ball(surface: Surface, direction: np.ndarray) -> np.ndarray:
@@ -156,19 +130,20 @@ def to_ball(surface: Surface, direction: np.ndarray) -> np.ndarray:
     return unit((direction @ surface.frame) * (*surface.sizes, 1.0)[:3])
 
 
-def _without_flats(surface: Surface, members: np.ndarray, fine: np.ndarray, along: np.ndarray, state: Growing) -> np.ndarray:
+def _without_flats(members: np.ndarray, owners: np.ndarray, along: np.ndarray, off: np.ndarray, state: Growing) -> np.ndarray:
     """Drop facets that span much more of the curve than is typical: the flat of a D-shaft has its corners on the shaft.
 
-    A slight span counts only where the middle leaves the carrier too: a wall between two strips lies on a cylinder that is far too wide.
+    By the least cosine `along` [t] that triangles of facets `owners` [t] make with the carrier, and how far `off` it their middles are [t]:
+    a slight span counts only where the middle leaves the carrier too, as a wall between two strips lies on a cylinder that is far too wide.
     """
     if len(members) < 3:
         return members
     facets, config = state.facets, state.config
-    worst, off = np.ones(len(facets.areas)), np.zeros(len(facets.areas))
-    np.minimum.at(worst, facets.facet_of[fine], along)
-    np.maximum.at(off, facets.facet_of[fine], np.abs(signed_distance(surface, facets.corners[fine].mean(1))))
+    worst, farthest = np.ones(len(facets.areas)), np.zeros(len(facets.areas))
+    np.minimum.at(worst, owners, along)
+    np.maximum.at(farthest, owners, off)
     span = np.arccos(np.clip(worst[members], -1, 1))
-    slight = (span < np.radians(4.0)) & (off[members] < config.loose * facets.diagonal)
+    slight = (span < np.radians(4.0)) & (farthest[members] < config.loose * facets.diagonal)
     return members[(span <= config.wide_span * np.median(span)) | slight]
 
 

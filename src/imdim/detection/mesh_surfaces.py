@@ -8,6 +8,7 @@ band of latitude is also an exact cone: area decides that too. What no curved ca
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,18 +34,23 @@ class Shown(NamedTuple):
     members: np.ndarray
 
 
-def detect_patches(mesh: trimesh.Trimesh, deadline: Deadline = NEVER, elliptic: bool = True) -> list[Patch]:
+def detect_patches(
+    mesh: trimesh.Trimesh, deadline: Deadline = NEVER, elliptic: bool = True, expected: Iterable[Surface] = ()
+) -> list[Patch]:
     """Carriers with their visible pieces, curved ones first, each kind by falling area; elliptic cylinders where these are asked for.
 
-    No more curved ones are looked for past the `deadline`: what they would have explained shows planes.
+    Curved carriers that are `expected`, as those of a mesh from which this one differs in places, are looked for before others. No more
+    others are looked for past the `deadline`: what they would have explained shows planes.
     """
-    return [shown.patch for shown in detect_shown(facets_of(mesh), deadline, elliptic)]
+    return [shown.patch for shown in detect_shown(facets_of(mesh), deadline, elliptic, expected)]
 
 
-def detect_shown(facets: Facets, deadline: Deadline = NEVER, elliptic: bool = True) -> list[Shown]:
+def detect_shown(
+    facets: Facets, deadline: Deadline = NEVER, elliptic: bool = True, expected: Iterable[Surface] = ()
+) -> list[Shown]:
     """As `detect_patches`, with the facets that show each; no facet shows two."""
     config = MeshSurfaceConfig(elliptic=elliptic)
-    curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config, deadline)
+    curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config, deadline, expected)
     # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
     looser = replace(config, on_surface=config.loose, max_failures=config.max_failures // 3)
     more, free = _find_curved(facets, free, looser, deadline)
@@ -57,15 +63,18 @@ def _level(patch: Patch, diagonal: float) -> Patch:
     return replace(patch, surface=level_axes(patch.surface, DRAWN * diagonal)) if patch.surface.kind == "ellipsoid" else patch
 
 
-def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig, deadline: Deadline) -> tuple[list[Shown], np.ndarray]:
-    """Curved patches among the `free` facets [u], and the facets that stay free."""
+def _find_curved(
+    facets: Facets, free: np.ndarray, config: MeshSurfaceConfig, deadline: Deadline, expected: Iterable[Surface] = ()
+) -> tuple[list[Shown], np.ndarray]:
+    """Curved patches among the `free` facets [u], those on `expected` carriers first, and the facets that stay free."""
     smooth = (facets.angles > 1e-3) & (facets.angles < np.radians(config.smooth_deg))
     neighbours: list[list[int]] = [[] for _ in facets.areas]
     for a, b in facets.edges[smooth]:
         neighbours[a].append(int(b))
         neighbours[b].append(int(a))
     state = Growing(facets, free.copy(), neighbours, config)
-    patches, failures = [], 0
+    patches = [_take(found, state) for surface in expected if (found := settle(surface, state)) is not None]
+    failures = 0
     for seed in np.argsort(-facets.areas, kind="stable"):
         if not state.free[seed] or len(neighbours[seed]) == 0:
             continue
@@ -77,12 +86,17 @@ def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig, de
             if failures >= config.max_failures or state.spent > config.most_work:
                 break
             continue
-        surface, members = found
-        slack = 1.0 + sagitta(surface, facets, members) / (config.on_surface * facets.diagonal)
-        members = np.union1d(members, members_of(surface, state, slack))
-        state.free[members] = False
-        patches.append(Shown(_patch(surface, facets, members), members))
+        patches.append(_take(found, state))
     return patches, state.free
+
+
+def _take(found: tuple[Surface, np.ndarray], state: Growing) -> Shown:
+    """A carrier with its facets, and those beside them that a cut has left on chords: none of them is free any longer."""
+    (surface, members), facets = found, state.facets
+    slack = 1.0 + sagitta(surface, facets, members) / (state.config.on_surface * facets.diagonal)
+    members = np.union1d(members, members_of(surface, state, slack))
+    state.free[members] = False
+    return Shown(_patch(surface, facets, members), members)
 
 
 def _grow_from(seed: int, state: Growing) -> tuple[Surface, np.ndarray] | None:

@@ -34,6 +34,7 @@ from imdim.export.round_contacts import bind_plugs, find_stacked
 from imdim.export.round_seats import seats_at_rounds
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
 from imdim.export.seen import HAIR, SeenPlanes, find_hidden_ends
+from imdim.export.spoke_seats import bind_bores
 from imdim.export.tilted_cuts import pass_aslant
 from imdim.export.twins import find_twins
 from imdim.export.wall_seats import FlatWall, seats_at_walls
@@ -60,8 +61,9 @@ class LinearSystem:
     `reaches` such for its sizes, once its place is known.
     `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
     turned ones whose centre is at half of it. `angles` are variables in degrees, `on_circles` the places of what stands on a circle,
-    `on_rims` those of them whose circle follows a round wall, and that circle. Leaves that `twins` gives one number are as deep or as high
-    as each other by one name, where they are so now; `gaps` has for each variable of one the other leaf.
+    `on_rims` those of them whose circle follows a round wall, and that circle, `of_bores` circles and heights of cuts that follow those of
+    what they go through. Leaves that `twins` gives one number are as deep or as high as each other by one name, where they are so now;
+    `gaps` has for each variable of one the other leaf.
     """
 
     start: list[float]
@@ -80,6 +82,7 @@ class LinearSystem:
     angles: set[int] = field(default_factory=set)
     on_circles: set[int] = field(default_factory=set)
     on_rims: set[int] = field(default_factory=set)
+    of_bores: set[int] = field(default_factory=set)
     twins: Mapping[int, int] = field(default_factory=dict)
     gaps: dict[int, int] = field(default_factory=dict)
 
@@ -109,6 +112,7 @@ class LinearSystem:
         whole = program if delivered is None else delivered
         if folded is not None:
             system.rows += stand_on_rims(system, whole, folded)
+            system.rows += bind_bores(system, program, folded)
         hidden = find_hidden_ends(whole)
         at_walls = list(seats_at_walls(program, system.walls, hidden))
         found = list(_without_farther(seats(program, hidden), at_walls, parts))
@@ -239,7 +243,7 @@ class LinearSystem:
         """Variables in the order in which they are eliminated: what a person would measure last."""
         # of diameters that are equal the first stays, and of spacings of holes
         extra = sorted(range(self.extra, len(self.start)), key=lambda v: (self.rank(v), -v if self._is_shared(v) else v))
-        return [*sorted(range(self.extra), key=lambda v: (v % 6 < 3, -v)), *extra]
+        return sorted([*sorted(range(self.extra), key=lambda v: (v % 6 < 3, -v)), *extra], key=lambda v: v not in self.of_bores)
 
     def _is_shared(self, v: int) -> bool:
         """Whether a further variable is one that later leaves are equal to."""

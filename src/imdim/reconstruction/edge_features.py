@@ -88,7 +88,9 @@ def set_edges_aside(target: Target, deadline: Deadline = NEVER) -> SetAside:
     sharp = sharpen(target.mesh, chains) if chains else None
     if sharp is None or not sharp.chains:
         return SetAside(target, patches=[s.patch for s in shown], kept=tuple(chains))
-    patches = _without_echoes(detect_patches(sharp.mesh, deadline), sharp.mesh)
+    gone = {blend.carrier for chain in sharp.chains for blend in chain.blends}
+    expected = [s.patch.surface for s in shown if s.patch.surface.kind != "plane" and s.patch.surface not in gone]
+    patches = _without_echoes(detect_patches(sharp.mesh, deadline, expected=expected), sharp.mesh)
     return SetAside(with_mesh(target, sharp.mesh), tuple(sharp.chains), patches, tuple(sharp.kept))
 
 
