@@ -73,7 +73,7 @@ def _find_curved(
         neighbours[a].append(int(b))
         neighbours[b].append(int(a))
     state = Growing(facets, free.copy(), neighbours, config)
-    patches = [_take(found, state) for surface in expected if (found := settle(surface, state)) is not None]
+    patches = [_take(found, state) for surface in expected if (found := _settle_curved(surface, state)) is not None]
     failures = 0
     for seed in np.argsort(-facets.areas, kind="stable"):
         if not state.free[seed] or len(neighbours[seed]) == 0:
@@ -107,13 +107,20 @@ def _grow_from(seed: int, state: Growing) -> tuple[Surface, np.ndarray] | None:
         # most guesses fail where they were made, which is far cheaper to see than over the whole mesh
         if len(members_of(guess, state, 5.0, around)) < 2:
             continue
-        found = settle(guess, state)
-        if found is None or seed not in found[1] or (found[0].kind in CLOSED_KINDS and _is_strip(state.facets.normals[found[1]])):
+        found = _settle_curved(guess, state)
+        if found is None or seed not in found[1]:
             continue
         area = float(state.facets.areas[found[1]].sum()) * preference
         if best is None or area > best[0]:
             best = (area, *found)
     return best[1:] if best else None
+
+
+def _settle_curved(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
+    """As `settle`; None too where facets in a strip show a surface that closes on itself."""
+    found = settle(guess, state)
+    is_flat = found is not None and found[0].kind in CLOSED_KINDS and _is_strip(state.facets.normals[found[1]])
+    return None if is_flat else found
 
 
 def _is_strip(facing: np.ndarray) -> bool:
