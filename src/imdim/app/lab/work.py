@@ -21,6 +21,7 @@ from imdim.delivery.deliver import RunRecord, deliver
 from imdim.delivery.evaluate import evaluate
 from imdim.delivery.finish import finish
 from imdim.detection.fit_surface import fit_surface
+from imdim.detection.mesh_surfaces import detect_patches
 from imdim.export.edit import open_delivered
 from imdim.export.step_limit import STEP_LIMIT_S
 from imdim.geometry.winding import winding_number
@@ -198,6 +199,8 @@ def warm() -> Target:
 @functools.cache
 def warm_rest() -> None:
     """What a reconstruction does not need and the other tasks do: an evolution that goes on, the solver, the search for relations."""
+    import trimesh
+
     target, part = warm(), Primitive("cylinder", (1.0, 1.0))
     *_, last = resume.resume_evolution(
         target, Combine("union", part, part), Settings(budget_s=2.0), resume.Rates(population=8), time.perf_counter
@@ -208,4 +211,5 @@ def warm_rest() -> None:
     ends, steps = np.array([0.0, 1.0]), np.ones(1)  # a box has no axes
     add_axial_density(np.zeros(1), np.zeros((1, 3)), np.zeros(3), np.eye(3), ends, steps, ends, steps)
     fit_surface("sphere", np.concatenate([np.eye(3), -np.eye(3)]))
+    detect_patches(trimesh.creation.cylinder(1.0, 1.0))
     mark_inside_cylinder(np.zeros(1, bool), np.zeros((1, 3)), np.zeros(3), np.zeros(3), 1.0)
