@@ -4,7 +4,8 @@
 
 Each part is reconstructed in a process of its own. Seconds, the budget's too, are those of the processor in that process, so that a busy
 machine changes nothing; the STEP export is a process beside it and costs here what waiting for it costs. `import` is everything before the
-part is read, `detect` is taken out of the stage that follows it, delivery is the stages after `finished`.
+part is read, `detect`, with fillets and chamfers set aside, is taken out of the stage that follows it, delivery is the stages after
+`finished`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from processor import rule_the_clock
 
@@ -58,16 +61,19 @@ def one(part: Path, budget_s: float, language: str) -> dict[str, float]:
     from imdim.reconstruction import one_body
     from imdim.reconstruction.config import Settings
 
-    detection, look, finish = list[float](), one_body.observe, time.process_time()
+    detection, finish = list[float](), time.process_time()
 
-    def timed(*args: object) -> object:
-        start = time.process_time()
-        try:
-            return look(*args)  # type: ignore[arg-type]
-        finally:
-            detection.append(time.process_time() - start)
+    def timed(look: Callable[..., Any]) -> Callable[..., Any]:
+        def run(*args: object) -> Any:
+            start = time.process_time()
+            try:
+                return look(*args)
+            finally:
+                detection.append(time.process_time() - start)
 
-    one_body.observe = timed  # type: ignore[assignment]
+        return run
+
+    one_body.observe, one_body.set_edges_aside = timed(one_body.observe), timed(one_body.set_edges_aside)
     with tempfile.TemporaryDirectory() as folder:
         report = fit(Settings(input=str(part), output=f"{folder}/out", budget_s=budget_s, language=language))
     timing = report["timing"]

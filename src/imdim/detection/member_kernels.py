@@ -8,10 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from imdim.detection.fit_kernels import CODES as FITTED
+from imdim.detection.fit_kernels import CONE, CYLINDER, SPHERE, TORUS
 from imdim.geometry.surface import FRAMED, Surface
 
-PLANE, SPHERE, CYLINDER, CONE, TORUS, OVAL = range(6)
-CODES = {"plane": PLANE, "sphere": SPHERE, "cylinder": CYLINDER, "cone": CONE, "torus": TORUS, "ellipsoid": OVAL, "elliptic": OVAL}
+PLANE, OVAL = 4, 5  # beside the kinds that are fitted by kernels
+CODES = {**FITTED, "plane": PLANE, "ellipsoid": OVAL, "elliptic": OVAL}
 
 
 class Carrier(NamedTuple):

@@ -11,16 +11,16 @@ import numpy as np
 from imdim.export.outline_joints import Row
 from imdim.export.outline_walls import EXACT
 from imdim.export.seats import ALIGNED, world_axis
+from imdim.export.seen import FACING
 from imdim.export.seen_walls import TRACE, surface_of
 from imdim.geometry.solid import exact_rotation
+from imdim.geometry.surface import unit
 from imdim.program.repeats import Folded, repeats, size
 from imdim.program.roles import signs
 from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves
 
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
-
-FACING = 0.999  # the cosine to a spoke of what looks along it
 
 
 class _Spokes(NamedTuple):
@@ -40,9 +40,8 @@ class _Spokes(NamedTuple):
         """Whether all parts have the spokes of another circle's, and go at least from end to end of those."""
         if len(self.centers) != len(other.centers) or np.abs(self.hub - other.hub).max() > slack:
             return False
-        away = other.centers - self.hub
-        spokes = away / np.linalg.norm(away, axis=1)[:, None]
-        are_shared = (spokes @ self.outwards).max() > 1 - ALIGNED
+        mine, its = (unit(spokes.centers - self.hub) for spokes in (self, other))
+        are_shared = (mine @ its.T).max(1).min() > 1 - ALIGNED
         return bool(are_shared and self.low < other.low + slack and self.high > other.high - slack)
 
     def shows_end(self, program: Program, slack: float) -> bool:

@@ -24,6 +24,7 @@ from imdim.detection.fit_surface import fit_surface
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.export.edit import open_delivered
 from imdim.export.step_limit import STEP_LIMIT_S
+from imdim.geometry.even_points import draw_even
 from imdim.geometry.winding import winding_number
 from imdim.program import codec
 from imdim.program.constraints import ConstraintError, renumber_constraints
@@ -208,7 +209,8 @@ def warm_rest() -> None:
     _, constraints = relations_of(last.program)
     for solved in solving.finish(last.program, constraints, [solving.Lock(0, "x")], target):
         solving.misfit(solved, target)
-    ends, steps = np.array([0.0, 1.0]), np.ones(1)  # a box has no axes
+    draw_even([part], [1])  # a busy machine may cut the evolution before it comes to that
+    ends, steps = np.array([0.0, 1.0]), np.ones(1)  # a box has no axes, and no curved surfaces
     add_axial_density(np.zeros(1), np.zeros((1, 3)), np.zeros(3), np.eye(3), ends, steps, ends, steps)
     fit_surface("sphere", np.concatenate([np.eye(3), -np.eye(3)]))
     detect_patches(trimesh.creation.cylinder(1.0, 1.0))
