@@ -45,9 +45,7 @@ def detect_patches(
     return [shown.patch for shown in detect_shown(facets_of(mesh), deadline, elliptic, expected)]
 
 
-def detect_shown(
-    facets: Facets, deadline: Deadline = NEVER, elliptic: bool = True, expected: Iterable[Surface] = ()
-) -> list[Shown]:
+def detect_shown(facets: Facets, deadline: Deadline = NEVER, elliptic: bool = True, expected: Iterable[Surface] = ()) -> list[Shown]:
     """As `detect_patches`, with the facets that show each; no facet shows two."""
     config = MeshSurfaceConfig(elliptic=elliptic)
     curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config, deadline, expected)

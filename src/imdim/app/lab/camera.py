@@ -25,6 +25,11 @@ STANDARD_VIEWS: Mapping[str, tuple[tuple[float, float, float], tuple[float, floa
 SKY, KEY, GROUND = 1.9, 1.6, (140, 144, 156)  # intensities, and what comes from below
 
 
+def place_first(first: viser.InitialCameraConfig) -> None:
+    """Each client begins at the corner, with all of the part in sight."""
+    first.position, first.look_at, first.up = _eye("Corner"), np.zeros(3), UP
+
+
 def light(scene: viser.SceneApi) -> None:
     """Two lights in place of the toolkit's picture of a room and its many, which a machine without a graphics card draws slowly."""
     scene.world_axes.visible = False
@@ -35,17 +40,24 @@ def light(scene: viser.SceneApi) -> None:
 
 
 class PageCamera:
-    """Looks at the middle of the part, from one of STANDARD_VIEWS, or turning round it."""
+    """Looks at the middle of the part, from one of STANDARD_VIEWS, or turning round it.
 
-    def __init__(self, camera: viser.CameraHandle, at_once: Callable[[], AbstractContextManager[object]]) -> None:
-        self._camera, self._at_once = camera, at_once
+    It is moved in steps of the server's loop alone (`soon` asks for one): the toolkit moves the point looked at with the eye, and a word
+    from the browser that came before that point was put back would leave it there, with nothing in sight.
+    """
+
+    def __init__(
+        self,
+        camera: viser.CameraHandle,
+        at_once: Callable[[], AbstractContextManager[object]],
+        soon: Callable[[Callable[[], None]], None],
+    ) -> None:
+        self._camera, self._at_once, self._soon = camera, at_once, soon
         self._turning = threading.Event()
-        self.look()
 
     def look(self, view: str = "Corner") -> None:
         """Put the camera where all of the part is seen, from one of STANDARD_VIEWS."""
-        place, up = map(np.array, STANDARD_VIEWS[view])
-        self._camera.position, self._camera.look_at, self._camera.up_direction = AWAY * place / np.linalg.norm(place), np.zeros(3), up
+        self._soon(lambda: self._move(_eye(view), STANDARD_VIEWS[view][1]))
 
     @property
     def position(self) -> np.ndarray:
@@ -64,9 +76,22 @@ class PageCamera:
         self.turn(False)
 
     def _turn(self, ended: threading.Event) -> None:
-        c, s = math.cos(math.radians(TURN_DEG)), math.sin(math.radians(TURN_DEG))
         while not ended.wait(TURN_S):
-            with self._at_once():
-                x, y, z = self._camera.position
-                self._camera.position = np.array([c * x - s * y, s * x + c * y, z])
-                self._camera.look_at = np.zeros(3)
+            self._soon(self._go_round)
+
+    def _go_round(self) -> None:
+        c, s = math.cos(math.radians(TURN_DEG)), math.sin(math.radians(TURN_DEG))
+        x, y, z = self._camera.position
+        self._move(np.array([c * x - s * y, s * x + c * y, z]))
+
+    def _move(self, eye: np.ndarray, up: tuple[float, float, float] | None = None) -> None:
+        with self._at_once():
+            self._camera.position = eye
+            self._camera.look_at = np.zeros(3)
+            if up is not None:
+                self._camera.up_direction = up
+
+
+def _eye(view: str) -> np.ndarray:
+    place = np.array(STANDARD_VIEWS[view][0])
+    return AWAY * place / np.linalg.norm(place)

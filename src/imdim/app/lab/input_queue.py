@@ -70,6 +70,11 @@ class InputQueue:
         with contextlib.suppress(RuntimeError):  # the page has gone
             self._hand.submit(_log_errors, act)
 
+    def soon(self, act: Callable[[], object]) -> None:
+        """Call `act`, which must not block, in a step of the loop, within which nothing comes from the browser."""
+        with contextlib.suppress(RuntimeError):  # the server has stopped
+            self._loop.call_soon_threadsafe(act)
+
     def show(self, handle: Any, value: Any, within: float = 0.0) -> None:
         """Write a value into an input that is watched, unless it is as near as `within`, or the person has just given it another."""
 
@@ -77,11 +82,11 @@ class InputQueue:
             if self._owed.get(id(handle)) == 0 and (abs(handle.value - value) > within if within else handle.value != value):
                 handle.value = value
 
-        self._soon(write)
+        self.soon(write)
 
     def forget(self, *handles: Any) -> None:
         """Inputs that are no more."""
-        self._soon(lambda: [self._owed.pop(id(handle), 0) for handle in handles])
+        self.soon(lambda: [self._owed.pop(id(handle), 0) for handle in handles])
 
     def close(self) -> None:
         """The page has gone."""
@@ -102,15 +107,11 @@ class InputQueue:
         try:
             act()
         finally:
-            self._soon(lambda: self._settle_debt(handle))
+            self.soon(lambda: self._settle_debt(handle))
 
     def _settle_debt(self, handle: Any) -> None:
         if id(handle) in self._owed:
             self._owed[id(handle)] -= 1
-
-    def _soon(self, act: Callable[[], object]) -> None:
-        with contextlib.suppress(RuntimeError):  # the server has stopped
-            self._loop.call_soon_threadsafe(act)
 
 
 def _log_errors(act: Callable[[], object]) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import viser
 
-from imdim.app.lab.camera import light
+from imdim.app.lab.camera import light, place_first
 from imdim.app.lab.examples import NAMES
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.jobs import GiB, PoolLimits, WorkerPool
@@ -40,6 +40,7 @@ class Lab:
         self._server.request_share_url = _refuse_to_share  # type: ignore[method-assign]
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         light(self._server.scene)
+        place_first(self._server.initial_camera)
         self._server.on_client_connect(self._came)
         self._server.on_client_disconnect(self._went)
         path = f"/{rules.token}/"

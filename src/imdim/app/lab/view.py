@@ -61,7 +61,7 @@ class SceneView:
         self.shown = dict(LAYERS)
         self._lock = threading.RLock()  # a person switches layers, a run draws, and distances come when they are measured
         client.camera.on_update(lambda _: self._cloud.stir())
-        self.camera = PageCamera(client.camera, client.atomic)
+        self.camera = PageCamera(client.camera, client.atomic, queue.soon)
 
     def show(self, layer: str, visible: bool) -> None:
         """One of LAYERS on or off."""
