@@ -8,6 +8,7 @@ tolerance, it can lose most of a solid and still call the rest valid. Fewer edge
 from __future__ import annotations
 
 import importlib
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import reduce
@@ -37,6 +38,8 @@ SMALLEST_BODY = 1e-6  # share of the volume
 MOST_BODIES = 20  # with more of them, gaps are not looked for
 
 MOST_IN_PIECES = 4  # ways that give the right volume in too many solids, after which no way is hoped for that gives one
+
+PLAIN_TOLERANCE = 3e-7  # share of the largest size, where all booleans at once went wrong without one
 
 TOGETHER = 1  # ways of doing a boolean of several at once, before it is done one after another, where each takes a part of the time
 
@@ -108,25 +111,26 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
     """The program as a valid shape of the exact volume that `survives`, its faces merged: the first, then those in fewer solids where it is
     in more than the exact one has. Each is the one that was asked last whether it survives. Raises StepError where OpenCASCADE builds none.
 
-    All booleans are done at once first. Where the result is wrong, or does not survive, they are done one by one, each compared with its
-    exact solid. Where that gives no shape, intersections are done on the parts of what they cut, where fewer faces meet in each, and only
-    then in other ways.
+    All booleans are done at once first; where the result is wrong, once more with a tolerance, and with intersections done on the parts of
+    what they cut, where fewer faces meet in each. Where no such result is right, or survives, booleans are done one by one, each compared
+    with its exact solid; where that gives no shape, on the parts too, and only then in other ways.
     """
     largest = longest(leaves(program))
     solids = [_exact_leaf(leaf) for leaf in leaves(program)]
     exact_of: Mapping[Op, _Combine] = {op: _exact(op) for op in OPS}
     exact = fold_nary(program, lambda i, _: solids[i], exact_of)
     volume, bodies = exact.volume(), exact.bodies(largest)
-    plain, failure = _build_plain(program, place)
-    best: _Built | None = None
-    if _fits(plain, volume, ROUGH):
-        best = _finish(plain, volume, survives)
-        if best is None:
-            failure = LOST
-        else:
-            yield best.shape
-    deadline = Deadline.of_process(PATIENCE_S)
     spread = spread_intersections(program)
+    best, failure = None, ""
+    for whole, tolerance in ((program, 0.0), (spread, PLAIN_TOLERANCE)):
+        plain, failure = _build_plain(whole, place, tolerance * largest)
+        error = _volume_error(plain, volume)
+        if error < ROUGH:
+            best, failure = _finish(plain, error, volume, survives), LOST
+        if best is not None:
+            yield best.shape
+            break
+    deadline = Deadline.of_process(PATIENCE_S)
     for tried, first in enumerate(FIRST_WAYS if volume > 0 else ()):
         if best is not None and ((best.close and best.solids <= bodies) or deadline.has_passed()):
             break
@@ -138,7 +142,7 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
         shape = _build_checked(program, lambda i, leaf: _Pair(place(leaf), solids[i], 0), exact_of, first, patience)
         if shape is None or (best is not None and best.close and solids_in(shape) >= best.solids):
             continue
-        found = _finish(shape, volume, survives)
+        found = _finish(shape, _volume_error(shape, volume), volume, survives)
         if found is None:
             failure = LOST
         else:
@@ -156,9 +160,10 @@ class _Built(NamedTuple):
     solids: int
 
 
-def _finish(shape: Any, volume: float, survives: Callable[[Any], bool]) -> _Built | None:
-    """A shape of roughly the exact `volume` with its faces merged, or as it is if only that survives; None where neither does."""
-    close = _fits(shape, volume, CLOSE)
+def _finish(shape: Any, error: float, volume: float, survives: Callable[[Any], bool]) -> _Built | None:
+    """A shape whose volume is off the exact `volume` by the relative `error`, with its faces merged, or as it is if only that survives; None
+    where neither does."""
+    close = error < CLOSE
     merged = merge_faces(shape, volume, CLOSE if close else ROUGH)
     for tried in (merged,) if merged is shape else (merged, shape):
         if survives(tried):
@@ -166,10 +171,10 @@ def _finish(shape: Any, volume: float, survives: Callable[[Any], bool]) -> _Buil
     return None
 
 
-def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[Any, str]:
+def _build_plain(program: Program, place: Callable[[Primitive], Any], fuzzy: float) -> tuple[Any, str]:
     """The shape, or None, and what to say of it if it is wrong."""
     try:
-        shape = fold_nary(program, lambda _, leaf: place(leaf), {op: _plain(op) for op in OPS})
+        shape = fold_nary(program, lambda _, leaf: place(leaf), {op: _plain(op, fuzzy) for op in OPS})
     except ocp("Standard").Standard_Failure as error:
         return None, f"OpenCASCADE failed: {str(error).splitlines()[0]}"
     except StepError as error:
@@ -257,8 +262,8 @@ def _exact(op: Op) -> _Combine:
     return run
 
 
-def _plain(op: Op) -> Callable[[list[Any]], Any]:
-    return lambda shapes: _combine(op, shapes)
+def _plain(op: Op, fuzzy: float) -> Callable[[list[Any]], Any]:
+    return lambda shapes: _combine(op, shapes, fuzzy)
 
 
 def _combine(op: Op, shapes: Sequence[Any], fuzzy: float = 0.0) -> Any:
@@ -324,10 +329,14 @@ def copy_shape(shape: Any) -> Any:
 
 def _fits(shape: Any, volume: float, error: float) -> bool:
     """Whether a shape is valid and has a volume up to the relative `error`."""
-    if shape is None or shape.IsNull() or volume <= 0:
-        return False
-    valid = ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid()
-    return valid and abs(shape_volume(shape, INTEGRATION_ERROR) - volume) < error * volume
+    return _volume_error(shape, volume) < error
+
+
+def _volume_error(shape: Any, volume: float) -> float:
+    """By how much, relative to it, a shape misses a volume; infinite for one that is not valid."""
+    if shape is None or shape.IsNull() or volume <= 0 or not ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid():
+        return math.inf
+    return abs(shape_volume(shape, INTEGRATION_ERROR) - volume) / volume
 
 
 def shape_volume(shape: Any, error: float) -> float:
