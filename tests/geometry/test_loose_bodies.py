@@ -6,7 +6,7 @@ from tests.planted import box, cut, cylinder, sphere, union
 
 from imdim.geometry.census import census_of
 from imdim.geometry.finish.loose_bodies import join_bodies
-from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.geometry.solid import join_touching, to_manifold, volume_iou
 from imdim.program.outline import Outline
 from imdim.program.tree import Primitive, leaves
 
@@ -43,6 +43,15 @@ def test_a_feature_that_stands_in_the_air_goes():
     program = union(cut(PLATE, cylinder(4, 6)), cylinder(1, 2))
     assert join_bodies(program, to_manifold(cut(PLATE, cylinder(4, 6)))) == cut(PLATE, cylinder(4, 6))
     assert join_bodies(program, to_manifold(program)) is program
+
+
+def test_a_crumb_that_hangs_on_by_the_last_digits_goes():
+    """On the grid of files it is a body of its own."""
+    crumb = box(0.3, 0.3, 6, (30.15 - 1e-9, 20.15 - 1e-9, 0))
+    program = union(cut(PLATE, cylinder(4, 6)), crumb)
+    assert bodies(program) == 1
+    assert census_of(join_touching(program)).bodies == 2
+    assert join_bodies(program, to_manifold(cut(PLATE, cylinder(4, 6)))) == cut(PLATE, cylinder(4, 6))
 
 
 def test_what_the_target_has_apart_stays_apart():

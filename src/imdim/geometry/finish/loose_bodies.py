@@ -9,7 +9,7 @@ decide.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from imdim.geometry.census import CRUMB, SolidCensus, census_of, find_pieces
 from imdim.geometry.finish.cutter_walls import redraw_loop, straighten_run
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
 from imdim.geometry.finish.tolerances import TOUCH
-from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, to_manifold, volume_iou
+from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, join_touching, symmetric_difference_volume, to_manifold, volume_iou
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import arc_center, arc_radius, orient_loops, ring_curves
 from imdim.program.paths import leaf_paths, without
@@ -59,28 +59,50 @@ def join_bodies(program: Program, solid: Manifold, deadline: Deadline = NEVER) -
     Both are in one frame. No hole or void comes or goes that the target has not, and the IoU with it stays. Past the `deadline` (by default
     never) the other bodies stay.
     """
+    wanted = census_of(solid)
     for _ in range(MOST):
-        made = to_manifold(program)
-        if deadline.has_passed() or census_of(made).bodies <= census_of(solid).bodies:
+        if deadline.has_passed():
             return program
-        mended = _mend(program, made, solid, deadline)
+        # faces may part by their last digits, or lap over, which is gone on the grid of files
+        parts = max((_Parts.of(program, make) for make in (to_manifold, join_touching)), key=lambda parts: parts.census.bodies)
+        if parts.census.bodies <= wanted.bodies:
+            return program
+        mended = _mend(program, parts, solid, wanted, deadline)
         if mended is None:
             return program
         program = mended
     return program
 
 
-def _mend(program: Program, made: Manifold, solid: Manifold, deadline: Deadline) -> Program | None:
+class _Parts(NamedTuple):
+    """The solid of a program, by which of two ways to `make` one."""
+
+    made: Manifold
+    census: SolidCensus
+    make: Callable[[Program], Manifold]
+
+    @classmethod
+    def of(cls, program: Program, make: Callable[[Program], Manifold]) -> _Parts:
+        made = make(program)
+        return cls(made, census_of(made), make)
+
+
+def _mend(program: Program, parts: _Parts, solid: Manifold, wanted: SolidCensus, deadline: Deadline) -> Program | None:
     """The program with one body less; None where no move does that."""
-    now, before, wanted = volume_iou(made, solid), census_of(made), census_of(solid)
+    made, before, make = parts
     pieces = find_pieces(made, CRUMB * made.volume())
     *loose, main = sorted((body for body in pieces if body.volume() > 0), key=lambda body: body.volume())
+    now: float | None = None
     for trial in (trial for body in loose for trial in _trials(program, body, main, solid)):
         if deadline.has_passed():
             return None
-        out = to_manifold(trial)
+        out = make(trial)
         if (holes := _lost_holes(before, census_of(out), wanted)) is None:
             continue
+        # an IoU changes by no more than the volume that comes and goes; of the target, with its many facets, it takes longest
+        if not holes and symmetric_difference_volume(made, out) <= LOST / 2 * made.volume():
+            return trial
+        now = volume_iou(made, solid) if now is None else now
         # what brings the solid nearer to the target belongs there, and a hole that ends with it came by what parted the bodies
         if (gain := volume_iou(out, solid) - now) >= -LOST and (not holes or gain > 0):
             return trial
