@@ -161,8 +161,8 @@ class _Built(NamedTuple):
 
 
 def _finish(shape: Any, error: float, volume: float, survives: Callable[[Any], bool]) -> _Built | None:
-    """A shape whose volume is off the exact `volume` by the relative `error`, with its faces merged, or as it is if only that survives; None
-    where neither does."""
+    """A shape that misses the exact `volume` by the relative `error`, with its faces merged, or as it is if only that survives; None where
+    neither does."""
     close = error < CLOSE
     merged = merge_faces(shape, volume, CLOSE if close else ROUGH)
     for tried in (merged,) if merged is shape else (merged, shape):

@@ -19,18 +19,21 @@ FITTED = 20.0  # solids that are made while numbers are fitted
 OWN = 0.5  # of the time that a search has left, which it keeps
 # seconds that the shares leave of a noisy cloud in any case before numbers are fitted, and from then on
 ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0
-STEP_S = 7.0  # which the STEP file of a long program takes beyond what is counted
+STEP_S = 7.0  # which a STEP file takes beyond what is counted
+AGAIN_S = 6.0  # more for that of a long program: the booleans of every other one go wrong at once, and are done again
 FILES_S, MORE_S, FEW = 7.0, 0.6, 20  # for the files of a finished program, STEP among them, and for those of each primitive beyond a few
 
 
 def time_to_write(program: Program) -> float:
     """How many seconds the files of a finished program take: OpenCASCADE needs 10 to 20 for the solid of a long one."""
-    return FILES_S + MORE_S * max(count(program).primitives - FEW, 0)
+    return FILES_S + _again_s(program) + MORE_S * max(count(program).primitives - FEW, 0)
 
 
 def leave_time_for_files(program: Program, deadline: Deadline, end: Deadline) -> Deadline:
     """The deadline of work on a mesh's program, earlier where the time from then to the `end` is too short to deliver it, with its STEP."""
-    return deadline if deadline.at == math.inf else leave_time_to_deliver(program, deadline, max(end.at - deadline.at - STEP_S, 0.0))
+    if deadline.at == math.inf:
+        return deadline
+    return leave_time_to_deliver(program, deadline, max(end.at - deadline.at - STEP_S - _again_s(program), 0.0))
 
 
 def leave_time_to_fit(program: Program, search_by: Deadline, fit_by: Deadline, end: Deadline) -> Deadline:
@@ -47,3 +50,7 @@ def leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float
     has = count(program)
     takes_s = SOLIDS * time_solid(program, deadline.now) + LEAF_S * has.primitives + CURVE_S * has.curves
     return replace(deadline, at=deadline.at - max(takes_s - allowed_s, 0.0))
+
+
+def _again_s(program: Program) -> float:
+    return AGAIN_S if count(program).primitives > FEW else 0.0
