@@ -99,7 +99,7 @@ def _mend(program: Program, parts: _Parts, solid: Manifold, wanted: SolidCensus,
         out = make(trial)
         if (holes := _lost_holes(before, census_of(out), wanted)) is None:
             continue
-        # an IoU changes by no more than the volume that comes and goes; of the target, with its many facets, it takes longest
+        # no IoU changes by more than twice the volume that comes and goes; that with the target, of many facets, takes longest
         if not holes and symmetric_difference_volume(made, out) <= LOST / 2 * made.volume():
             return trial
         now = volume_iou(made, solid) if now is None else now
