@@ -2,6 +2,7 @@
 
 import signal
 import webbrowser
+from types import SimpleNamespace
 
 import pytest
 
@@ -35,6 +36,44 @@ class Person:
     def browse(self, address):
         self.opened.append(address)
         signal.raise_signal(signal.SIGTERM)
+
+
+def test_the_page_of_a_client_that_goes_while_it_is_built_is_closed(monkeypatch):
+    clients, built = {}, []
+
+    class Slow:
+        def __init__(self, client, *_):
+            self.opened = self.closed = False
+            self.session = SimpleNamespace(open_example=lambda _: setattr(self, "opened", True))
+            built.append(self)
+            if client.hasty:
+                del clients[client.client_id]
+                lab._went(client)
+
+        def close(self):
+            self.closed = True
+
+    toolkit = SimpleNamespace(
+        scene=None,
+        initial_camera=None,
+        gui=SimpleNamespace(configure_theme=lambda **_: None),
+        on_client_connect=lambda _: None,
+        on_client_disconnect=lambda _: None,
+        get_port=lambda: 0,
+        get_event_loop=lambda: None,
+        get_clients=clients.copy,
+    )
+    for name in ("light", "place_first", "_compress"):
+        monkeypatch.setattr(server, name, lambda *_: None)
+    monkeypatch.setattr(server, "Page", Slow)
+    monkeypatch.setattr(server, "WorkerPool", lambda _: SimpleNamespace(prepare=lambda: None))
+    monkeypatch.setattr(server.viser, "ViserServer", lambda **_: toolkit)
+    lab = server.Lab("127.0.0.1", 0, None, None)
+    for number, hasty in enumerate((True, False)):
+        client = SimpleNamespace(client_id=number, hasty=hasty)
+        clients[number] = client
+        lab._came(client)
+    assert [(page.opened, page.closed) for page in built] == [(False, True), (True, False)]
 
 
 @pytest.fixture

@@ -52,7 +52,9 @@ class Lab:
         page = Page(client, self.pool, self._uploads, InputQueue(self._server.get_event_loop()))
         with self._lock:
             self._pages[client.client_id] = page
-        if self._target is None:
+        if client.client_id not in self._server.get_clients():  # it went while its page was built
+            self._went(client)
+        elif self._target is None:
             page.session.open_example(NAMES[0])
         else:
             page.session.open_target(self._target)
