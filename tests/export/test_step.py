@@ -391,7 +391,7 @@ def test_where_what_was_joined_cannot_be_intersected_its_parts_are(monkeypatch):
 
 
 def test_what_fails_at_once_is_done_one_after_another_before_other_ways(monkeypatch):
-    """A plate with eleven cutters: three ways of cutting it by all at once took 18 s in vain, and one after another 5."""
+    """A plate with eleven cutters: three ways of cutting all at once took 18 s in vain, and one after another 5."""
     plain, together = step_booleans.boolean, []
 
     def fragile(name, keep, tools, fuzzy=0.0):

@@ -107,13 +107,16 @@ class _StuckError(Exception):
     """No way of doing a boolean gives the exact solid."""
 
 
-def build(program: Program, place: Callable[[Primitive], Any], survives: Callable[[Any], bool] = lambda _: True) -> Iterator[Any]:
+def build(
+    program: Program, place: Callable[[Primitive], Any], survives: Callable[[Any], bool] = lambda _: True, again: bool = True
+) -> Iterator[Any]:
     """The program as a valid shape of the exact volume that `survives`, its faces merged: the first, then those in fewer solids where it is
     in more than the exact one has. Each is the one that was asked last whether it survives. Raises StepError where OpenCASCADE builds none.
 
     All booleans are done at once first; where the result is wrong, once more with a tolerance, and with intersections done on the parts of
     what they cut, where fewer faces meet in each. Where no such result is right, or survives, booleans are done one by one, each compared
-    with its exact solid; where that gives no shape, on the parts too, and only then in other ways.
+    with its exact solid; where that gives no shape, on the parts too, and only then in other ways. Without `again`, nothing is done once
+    more with a tolerance.
     """
     largest = longest(leaves(program))
     solids = [_exact_leaf(leaf) for leaf in leaves(program)]
@@ -122,7 +125,7 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
     volume, bodies = exact.volume(), exact.bodies(largest)
     spread = spread_intersections(program)
     best, failure = None, ""
-    for whole, tolerance in ((program, 0.0), (spread, PLAIN_TOLERANCE)):
+    for whole, tolerance in ((program, 0.0), (spread, PLAIN_TOLERANCE))[: 1 + again]:
         plain, failure = _build_plain(whole, place, tolerance * largest)
         error = _volume_error(plain, volume)
         if error < ROUGH:
@@ -136,7 +139,7 @@ def build(program: Program, place: Callable[[Primitive], Any], survives: Callabl
             break
         if tried == 1 and best is None and spread != program and sum(1 for _ in leaves(spread)) <= MOST_SPREAD:
             with suppress(StepError):
-                yield from build(spread, place, survives)
+                yield from build(spread, place, survives, again=False)  # on the parts it was done with a tolerance above
                 return
         patience = deadline if best is not None else NEVER
         shape = _build_checked(program, lambda i, leaf: _Pair(place(leaf), solids[i], 0), exact_of, first, patience)

@@ -20,7 +20,7 @@ OWN = 0.5  # of the time that a search has left, which it keeps
 # seconds that the shares leave of a noisy cloud in any case before numbers are fitted, and from then on
 ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0
 STEP_S = 7.0  # which a STEP file takes beyond what is counted
-AGAIN_S = 6.0  # more for that of a long program: the booleans of every other one go wrong at once, and are done again
+AGAIN_S = 6.0  # more for that of a long program: the booleans of two in four went wrong at once, and were done again
 FILES_S, MORE_S, FEW = 7.0, 0.6, 20  # for the files of a finished program, STEP among them, and for those of each primitive beyond a few
 
 

@@ -1,3 +1,4 @@
+import asyncio
 import threading
 
 import pytest
@@ -24,6 +25,18 @@ class Heard:
     def last(self, seconds=90.0):
         assert self._end.wait(seconds), f"no end among {[m.kind for m in self.messages]}"
         return self.messages[-1]
+
+
+@pytest.fixture
+def loop():
+    """The event loop of a server, in a thread of its own."""
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    yield loop
+    loop.call_soon_threadsafe(loop.stop)
+    thread.join()
+    loop.close()
 
 
 @pytest.fixture

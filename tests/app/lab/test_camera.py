@@ -1,6 +1,5 @@
 """The camera of a client looks at the part, whatever the browser says meanwhile."""
 
-import asyncio
 import contextlib
 import threading
 import time
@@ -46,17 +45,6 @@ class Browser:
 
     def _tell(self, eye, at):
         self._eye, self._at = eye, at
-
-
-@pytest.fixture
-def loop():
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever)
-    thread.start()
-    yield loop
-    loop.call_soon_threadsafe(loop.stop)
-    thread.join()
-    loop.close()
 
 
 def test_a_word_of_the_browser_leaves_the_part_in_sight(loop):

@@ -64,17 +64,17 @@ def join_bodies(program: Program, solid: Manifold, deadline: Deadline = NEVER) -
         if deadline.has_passed():
             return program
         # faces may part by their last digits, or lap over, which is gone on the grid of files
-        parts = max((_Parts.of(program, make) for make in (to_manifold, join_touching)), key=lambda parts: parts.census.bodies)
-        if parts.census.bodies <= wanted.bodies:
+        found = max((_MadeSolid.of(program, make) for make in (to_manifold, join_touching)), key=lambda made: made.census.bodies)
+        if found.census.bodies <= wanted.bodies:
             return program
-        mended = _mend(program, parts, solid, wanted, deadline)
+        mended = _mend(program, found, solid, wanted, deadline)
         if mended is None:
             return program
         program = mended
     return program
 
 
-class _Parts(NamedTuple):
+class _MadeSolid(NamedTuple):
     """The solid of a program, by which of two ways to `make` one."""
 
     made: Manifold
@@ -82,14 +82,14 @@ class _Parts(NamedTuple):
     make: Callable[[Program], Manifold]
 
     @classmethod
-    def of(cls, program: Program, make: Callable[[Program], Manifold]) -> _Parts:
+    def of(cls, program: Program, make: Callable[[Program], Manifold]) -> _MadeSolid:
         made = make(program)
         return cls(made, census_of(made), make)
 
 
-def _mend(program: Program, parts: _Parts, solid: Manifold, wanted: SolidCensus, deadline: Deadline) -> Program | None:
+def _mend(program: Program, found: _MadeSolid, solid: Manifold, wanted: SolidCensus, deadline: Deadline) -> Program | None:
     """The program with one body less; None where no move does that."""
-    made, before, make = parts
+    made, before, make = found
     pieces = find_pieces(made, CRUMB * made.volume())
     *loose, main = sorted((body for body in pieces if body.volume() > 0), key=lambda body: body.volume())
     now: float | None = None
