@@ -1,6 +1,7 @@
 """The carriers that a part was drawn with, and no others, must be read off its tessellation."""
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import trimesh
 from manifold3d import Manifold
 from scipy.spatial.transform import Rotation
 from tests.deadlines import PASSED
+from tests.occ_mesh import occ_mesh
 from tests.planted import (
     ALONG_X,
     PARTS,
@@ -31,6 +33,8 @@ from imdim.deadline import NEVER
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.geometry.solid import to_trimesh
 from imdim.geometry.surface import Surface, normals, signed_distance, vec
+from imdim.program.outline import Outline
+from imdim.program.tree import Primitive
 
 HEXAGON = union(*(box(20, 20 / math.sqrt(3), 8, rotation=(0.0, 0.0, a)) for a in (0.0, 60.0, 120.0)))
 BAR = union(box(30, 20, 8), cylinder(10, 8, (15.0, 0.0, 0.0)), cylinder(10, 8, (-15.0, 0.0, 0.0)))
@@ -64,10 +68,6 @@ CASES = {
 }
 
 
-# flats that meet a curve only at their corners are taken for a part of it
-WRONG = {("wheel with a round rim", 96), ("puck with filleted edges", 64), ("puck with filleted edges", 96)}
-
-
 def visible(surface: Surface, mesh: trimesh.Trimesh) -> bool:
     """Whether a triangle lies on the carrier with all its corners and faces along it."""
     on = (np.abs(signed_distance(surface, mesh.vertices)) < 1e-6 * mesh.scale)[mesh.faces].all(1)
@@ -84,15 +84,43 @@ def check(mesh: trimesh.Trimesh, expected: list[Surface]) -> None:
     assert sum(p.area for p in patches) == pytest.approx(mesh.area, rel=1e-6)
 
 
-def cases() -> list:
-    every = [(name, segments) for name in CASES for segments in (64, 96)]
-    return [pytest.param(*c, marks=[pytest.mark.xfail(strict=True)] if c in WRONG else []) for c in every]
-
-
-@pytest.mark.parametrize(("name", "segments"), cases())
+@pytest.mark.parametrize("segments", [64, 96])
+@pytest.mark.parametrize("name", CASES)
 def test_a_part_gives_back_the_carriers_it_was_drawn_with(name, segments):
     mesh = mesh_of(CASES[name], segments)
     check(mesh, [s for s in carriers(CASES[name]) if visible(s, mesh)])
+
+
+ROUND_TOP = Primitive(
+    "revolve",
+    (360.0,),
+    outline=Outline((((0.0, 0.0, 0.0), (12.0, 0.0, 0.0), (12.0, 6.5, math.tan(math.pi / 8)), (10.5, 8.0, 0.0), (0.0, 8.0, 0.0)),)),
+)
+DOME = Primitive(
+    "revolve",
+    (360.0,),
+    outline=Outline((((0.0, 0.0, 0.0), (15.0, 0.0, 0.0), (15.0, 11.0, math.tan(math.pi / 8)), (12.0, 14.0, 0.0), (0.0, 14.0, 0.0)),)),
+)
+TURNS = [(17 * math.cos(a), 17 * math.sin(a), 7.0) for a in np.radians(np.arange(0, 360, 45))]
+IN_RINGS = {
+    "countersunk plate": (
+        cut(box(60, 30, 3), cylinder(2.2, 5), cone(2.2, 4.2, 2, (0.0, 0.0, 0.5))),
+        {"cylinder": 1, "cone": 1, "plane": 6},
+    ),
+    "boss with a rounded top": (cut(ROUND_TOP, cylinder(6, 30)), {"cylinder": 2, "torus": 1, "plane": 2}),
+    "knob with finger notches": (cut(DOME, *(cylinder(4, 20, at) for at in TURNS)), {"cylinder": 9, "torus": 1, "plane": 2}),
+}
+
+
+@pytest.mark.parametrize("name", IN_RINGS)
+def test_a_round_face_in_rings_of_triangles_is_one_carrier(name, tmp_path):
+    program, expected = IN_RINGS[name]
+    patches = detect_patches(occ_mesh(program, tmp_path))
+    areas = Counter()
+    for patch in patches:
+        areas[patch.surface.kind] += patch.area
+    large = Counter(patch.surface.kind for patch in patches if patch.area > 1e-3 * areas.total())
+    assert large == expected, [(patch.surface, patch.area) for patch in patches]
 
 
 @pytest.mark.parametrize("name", ["tube on a flange", "bored ball", "countersink", "hexagon nut", "ring", "half an ellipsoid"])

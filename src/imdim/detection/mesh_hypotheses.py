@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from functools import lru_cache
 
@@ -14,12 +15,15 @@ from imdim.detection.fit_elliptic import elliptic_guesses
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.detection.mesh_support import members_of
 from imdim.geometry.rotations import cross
-from imdim.geometry.surface import Surface, vec
+from imdim.geometry.surface import Surface, signed_distance, vec
 
 LEAST_CORNERS = 11  # of an ellipsoid, which nine fix
 RINGS = (8, 30, 150)  # facets
 INNER = 3  # facets
 NEAR_CUTS = 10  # times as far off as drawn corners may be those of a ring, many of which a cut has made
+ALIKE_STEPS = (0.25, 4.0)  # times as wide as a band of a torus is what is beside it: a tessellation turns evenly
+BENT = 0.2  # of its radius, by which strips beside one of a tube leave that at most
+GENTLE = math.cos(math.radians(20.0))  # between facets of one piece of a cone; across its rim the next face turns away by more
 
 
 def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
@@ -54,7 +58,72 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
                 out += [(0.9, s) for s in (found,) if s and lies_on(s, chosen, NEAR_CUTS * facets.diagonal)]
         if len(ring) >= 8:
             out.append((0.95, _fit_freely("torus", points.tobytes(), point_normals.tobytes(), 15)))
+    # facets of a cone in several rings are no strips, whose planes would meet in its apex
+    gentle = ring_of(seed, alike, state, 30, GENTLE)
+    if len(gentle) >= 8:
+        points, point_normals = _corner_normals(facets, gentle)
+        out.append((1.0, _fit_freely("cone", points.tobytes(), point_normals.tobytes(), 15)))
     return out
+
+
+def tori_along(band: Surface, members: np.ndarray, state: Growing) -> Iterator[Surface]:
+    """Tori of which the facets `members` [m] that show a cone or cylinder are a band: one around the axis, or a strip of the tube.
+    What is beside it tells the rest."""
+    known = set(members.tolist())
+    beside = np.array(sorted({n for m in known for n in state.neighbours[m] if state.free[n]} - known), int)
+    if len(beside):
+        yield from _tori_about(band, members, beside, state)
+        if band.kind == "cylinder":
+            yield from _tori_of_tube(band, members, beside, state)
+
+
+def _tori_about(band: Surface, members: np.ndarray, beside: np.ndarray, state: Growing) -> Iterator[Surface]:
+    """Tori about the axis of a band: in half a section its two edges and the next corner on either side fix a circle each."""
+    facets, axis = state.facets, np.asarray(band.axis)
+
+    def section(chosen: np.ndarray) -> np.ndarray:
+        arms = points_of(facets, chosen) - np.asarray(band.point)
+        along = arms @ axis
+        return np.column_stack([np.linalg.norm(arms - along[:, None] * axis, axis=1), along])
+
+    own, others = section(members), section(beside)
+    half = band.sizes[0] if band.kind == "cone" else 0.0
+    wall = np.array([math.sin(half), math.cos(half)])
+    reach, beyond = own @ wall, others @ wall
+    slack = state.config.on_surface * facets.diagonal
+    low, high = own[reach < reach.min() + slack].mean(0), own[reach > reach.max() - slack].mean(0)
+    for outside, edge in ((beyond > reach.max() + slack, high), (beyond < reach.min() - slack, low)):
+        if not outside.any():
+            continue
+        away = np.linalg.norm(others[outside] - edge, axis=1)
+        least, most = np.multiply(ALIKE_STEPS, np.linalg.norm(high - low))
+        if not least < away.min() < most:
+            continue  # a wall, or what it runs into
+        circle = _circle_through(low, high, others[outside][away < away.min() + slack].mean(0))
+        if circle is not None and circle[0] > slack:
+            yield Surface("torus", vec(np.asarray(band.point) + circle[1] * axis), band.axis, (circle[0], circle[2]))
+
+
+def _tori_of_tube(strip: Surface, members: np.ndarray, beside: np.ndarray, state: Growing) -> Iterator[Surface]:
+    """The torus through a strip of its tube and those on either side of it."""
+    facets = state.facets
+    triangles = facets.triangles(beside)
+    off = np.abs(signed_distance(strip, facets.corners[triangles].reshape(-1, 3))).reshape(-1, 3).max(1)
+    far = np.zeros(len(facets.areas))
+    np.maximum.at(far, facets.facet_of[triangles], off)
+    near = beside[far[beside] < BENT * strip.sizes[0]]
+    if len(near) >= INNER and len(members) + len(near) >= 8:
+        points, point_normals = _corner_normals(facets, np.concatenate([members, near]))
+        yield _fit_freely("torus", points.tobytes(), point_normals.tobytes(), 15)
+
+
+def _circle_through(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[float, float, float] | None:
+    """Centre and radius of the circle through three points of a plane; None where they are on a line."""
+    rows = 2 * np.array([b - a, c - a])
+    if abs(np.linalg.det(rows)) < 1e-12 * np.abs(rows).max() ** 2:
+        return None
+    x, y = np.linalg.solve(rows, [b @ b - a @ a, c @ c - a @ a])
+    return float(x), float(y), math.hypot(a[0] - x, a[1] - y)
 
 
 @lru_cache(4096)  # what found nothing is tried again by the next pass, and beside edges that were put aside
@@ -69,14 +138,18 @@ def _quadric_ellipsoid(points: bytes) -> Surface | None:
     return quadric_ellipsoid(np.frombuffer(points).reshape(-1, 3))
 
 
-def ring_of(seed: int, near: list[int], state: Growing, most: int) -> np.ndarray:
-    """The seed, its smooth neighbours of like size, theirs, and so on up to `most` facets."""
+def ring_of(seed: int, near: list[int], state: Growing, most: int, gentle: float = -1.0) -> np.ndarray:
+    """The seed, its smooth neighbours of like size, theirs, and so on up to `most` facets; those alone that turn no further from one to the
+    next than by what has the cosine `gentle`."""
+    areas, facing = state.facets.areas, state.facets.normals
+    near = near if gentle <= -1 else [m for m in near if facing[m] @ facing[seed] > gentle]
     found, known = [seed, *near], {seed, *near}
-    limit = 50 * state.facets.areas[seed]
+    limit = 50 * areas[seed]
     for n in found:
         if len(found) >= most:
             break
-        fresh = [m for m in state.neighbours[n] if m not in known and state.free[m] and state.facets.areas[m] < limit]
+        fresh = [m for m in state.neighbours[n] if m not in known and state.free[m] and areas[m] < limit]
+        fresh = fresh if gentle <= -1 else [m for m in fresh if facing[m] @ facing[n] > gentle]
         known.update(fresh)
         found += fresh
     return np.array(found[:most])

@@ -22,6 +22,7 @@ LEVEL = math.radians(2.0)  # beside that
 MOSTLY = 0.75  # of its corners, that lie on an elliptic cylinder
 UNROUND = 4e-4  # of the diagonal, by which the semi-axes of an ellipse differ; with less a circle does it
 FEW_STRIPS, STANDS_OUT = 7, 4.0  # of a cylinder, among which one that is wider by more than this factor is a flat between strips of others
+ONE_FACET = 0.7  # of a curved patch's area: one facet that has more of it is a flat between strips of roundings
 DRAWN_FLAT = 0.01  # of the diagonal: OpenSCAD's usual 30 sides lie a fifth of that within a circle as large as the part
 LEAST_TURN = {"ellipsoid": 30.0, "elliptic": 60.0}  # degrees, on the ball; any smooth surface is one for less
 
@@ -154,6 +155,9 @@ def believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
         least = 8  # nearly flat
     if len(members) < least:
         return False
+    areas = facets.areas[members]
+    if surface.kind != "cylinder" and areas.max() > ONE_FACET * areas.sum():
+        return False
     if surface.kind == "cylinder" and (
         _is_drawn_flat(surface, members, facets) or (len(members) <= FEW_STRIPS and _stands_out(surface, members, facets))
     ):
@@ -192,27 +196,29 @@ def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float
 
     Two circles of corners lie on many spheres and tori, and mean a cone; strips that are one facet long mean a cylinder.
     """
-    corners = facets.corners[facets.triangles(members)]
+    triangles = facets.triangles(members)
+    corners, areas = facets.corners[triangles], facets.areas[facets.facet_of[triangles]]
     direction = normals(surface, corners.reshape(-1, 3)).reshape(-1, 3, 3)
     if surface.kind == "ellipsoid":
         # two strips of a cylinder and a cone lie on one too, about an axis of its own or of the patch
         direction = to_ball(surface, direction.reshape(-1, 3)).reshape(-1, 3, 3)
         own = np.linalg.eigh(np.cov(direction.reshape(-1, 3).T))[1]
-        return min(_turns(np.arcsin(np.clip(direction @ axis, -1, 1))) for axis in (*np.eye(3), *own.T))
+        return min(_turns(np.arcsin(np.clip(direction @ axis, -1, 1)), areas) for axis in (*np.eye(3), *own.T))
     if surface.kind == "sphere":
         # the axis of a band, the pole of a cap
         axis = np.linalg.eigh(np.cov(direction.reshape(-1, 3).T))[1][:, 0]
-        return _turns(np.arcsin(np.clip(direction @ axis, -1, 1)))
+        return _turns(np.arcsin(np.clip(direction @ axis, -1, 1)), areas)
     frame = frame_from_axis(np.asarray(surface.axis))
     local = (corners - surface.point) @ frame
     around = np.arctan2(local[..., 1], local[..., 0])
     radial = np.cos(around)[..., None] * frame[:, 0] + np.sin(around)[..., None] * frame[:, 1]
     along = np.arctan2(direction @ frame[:, 2], (direction * radial).sum(2))
-    return min(_turns(along), _turns(around))
+    return min(_turns(along, areas), _turns(around, areas))
 
 
-def _turns(angles: np.ndarray) -> float:
-    """Angle that triangles with corners at `angles` [t, 3] cover together, over the median range of one."""
+def _turns(angles: np.ndarray, areas: np.ndarray) -> float:
+    """Angle that triangles with corners at `angles` [t, 3] cover together, over the range of one: the median by area, of facets with
+    `areas` [t], since slivers along a cut say nothing of the steps."""
     middle = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
     centered = (angles - middle + np.pi) % (2 * np.pi)
     low, high = centered.min(1), centered.max(1)
@@ -220,4 +226,7 @@ def _turns(angles: np.ndarray) -> float:
     order = whole[np.argsort(low[whole], kind="stable")]
     reach = np.concatenate([[-np.inf], np.maximum.accumulate(high[order])])
     covered = np.maximum(high[order] - np.maximum(low[order], reach[:-1]), 0).sum()
-    return float(covered) / max(float(np.median(high - low)), 1e-9)
+    ranked = np.argsort(high - low, kind="stable")
+    below = np.cumsum(areas[ranked])
+    typical = (high - low)[ranked[np.searchsorted(below, below[-1] / 2)]]
+    return float(covered) / max(float(typical), 1e-9)

@@ -19,7 +19,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.detection.chord_corners import onto_corners
 from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, facets_of, points_of
 from imdim.detection.fit_ellipsoid import DRAWN, level_axes
-from imdim.detection.mesh_hypotheses import hypotheses, ring_of
+from imdim.detection.mesh_hypotheses import hypotheses, ring_of, tori_along
 from imdim.detection.mesh_support import members_of, sagitta, settle
 from imdim.geometry.rows import dot_rows
 from imdim.geometry.surface import CLOSED_KINDS, Patch, Surface, normals, vec
@@ -99,19 +99,27 @@ def _take(found: tuple[Surface, np.ndarray], state: Growing) -> Shown:
 
 def _grow_from(seed: int, state: Growing) -> tuple[Surface, np.ndarray] | None:
     """The carrier through a seed facet that explains the largest area, with its facets."""
-    best: tuple[float, Surface, np.ndarray] | None = None
     around = ring_of(seed, state.neighbours[seed], state, 12)
-    for preference, guess in hypotheses(seed, state):
+    found: list[tuple[float, Surface, np.ndarray]] = []
+
+    def try_out(preference: float, guess: Surface) -> None:
         # most guesses fail where they were made, which is far cheaper to see than over the whole mesh
-        if len(members_of(guess, state, 5.0, around)) < 2:
-            continue
-        found = _settle_curved(guess, state)
-        if found is None or seed not in found[1]:
-            continue
-        area = float(state.facets.areas[found[1]].sum()) * preference
-        if best is None or area > best[0]:
-            best = (area, *found)
-    return best[1:] if best else None
+        settled = _settle_curved(guess, state) if len(members_of(guess, state, 5.0, around)) > 1 else None
+        if settled is not None and seed in settled[1]:
+            found.append((float(state.facets.areas[settled[1]].sum()) * preference, *settled))
+
+    for preference, guess in hypotheses(seed, state):
+        try_out(preference, guess)
+    for kind in ("cone", "cylinder"):
+        bands = [one for one in found if one[1].kind == kind]
+        if bands:
+            for torus in tori_along(*max(bands, key=_first)[1:], state):
+                try_out(1.0, torus)
+    return max(found, key=_first)[1:] if found else None
+
+
+def _first(found: tuple[float, Surface, np.ndarray]) -> float:
+    return found[0]
 
 
 def _settle_curved(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:

@@ -10,7 +10,7 @@ grid or circle of copies is read once, with its counts and steps: sixty holes of
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from itertools import pairwise
 
 import numpy as np
@@ -28,6 +28,7 @@ from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import COARSE, is_same
 
 FEW = 12  # features, which are read one by one
+MANY = 24  # features, copies counted once, more than which nobody reads where FEW drawings say the same
 MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few plain features, and what more of them, may have
 CLEARLY = 0.95  # times as much to read, copies read once, as walls and bars have: what more than FEW cells in their place may have
 FAR_LESS, SLIGHTLY = 0.75, 0.9  # the same where copies are read once, however many they are: of a dozen drawings, and of more
@@ -48,6 +49,9 @@ def may_be_plain(drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
     if not has_drawings(drawn):
         return False
     fewest = sum(map(_fewest_primitives, leaves(drawn)))
+    # round walls of one radius may be copies of one hole
+    if counts.primitives <= FEW and sum(_fewest_primitives(leaf, of_copies=1) for leaf in leaves(drawn)) > MANY:
+        return False
     length = reading_length(drawn, low, high)
     return length - counts.primitives - CURVE_KIND * _count_kinds(drawn) + fewest <= _most(fewest) * length
 
@@ -95,6 +99,8 @@ def is_hardly_longer(plain: Program, drawn: Program, low: np.ndarray, high: np.n
     the part, held back by what they have in common with another: a brace is a line of its bracket's drawing."""
     if count_odd_directions(plain) > count_odd_directions(drawn) or _count_held_back(plain, low, high) > _count_held_back(drawn, low, high):
         return False
+    if count(drawn).primitives <= FEW and count(take_first_copies(plain)[0]).primitives > MANY:
+        return False
     if reading_length(plain, low, high) <= _most(count(plain).primitives, more) * reading_length(drawn, low, high):
         return True
     # where even the drawings are many features, no more of them are to be feared
@@ -106,14 +112,15 @@ def _most(features: float, more: float = MORE) -> float:
     return more if features <= FEW else LESS
 
 
-def _fewest_primitives(leaf: Primitive) -> float:
-    """How many of the six kinds at least have the walls of a leaf: a round wall, or four straight ones of an extrusion, is of one."""
+def _fewest_primitives(leaf: Primitive, of_copies: int = 3) -> float:
+    """How many of the six kinds at least have the walls of a leaf: a round wall, or four straight ones of an extrusion, is of one. Round
+    walls that have the last `of_copies` of the numbers of their centre and radius in common count once."""
     if leaf.outline is None:
         return 1
     if has_ellipse(leaf.outline) or any(map(_reads_as_circle, leaf.outline.loops)):
         return math.inf  # ellipses and the hexagons of nuts, which none of the six kinds has
     curves = [curve for ring in leaf.outline.rings for curve in ring_curves(ring)]
-    arcs = {(*arc_center(curve), arc_radius(curve)) for curve in curves if curve[4]}
+    arcs = {(*arc_center(curve), arc_radius(curve))[-of_copies:] for curve in curves if curve[4]}
     lines = {line_of(curve) for curve in curves if not curve[4]}
     extent = np.abs([curve[:4] for curve in curves]).max()
     round_walls = _distinct(arcs, ONE_NUMBER * extent)
@@ -122,7 +129,7 @@ def _fewest_primitives(leaf: Primitive) -> float:
     return max(1, round_walls + -(-_distinct(lines, ONE_NUMBER * extent) // 4))
 
 
-def _distinct(rows: set[tuple[float, float, float]], tolerance: float) -> int:
+def _distinct(rows: Set[tuple[float, ...]], tolerance: float) -> int:
     return len({tuple(round(v / tolerance) for v in row) for row in rows})
 
 
