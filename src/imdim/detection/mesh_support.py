@@ -107,8 +107,9 @@ def _sane(surface: Surface, diagonal: float) -> bool:
     return all(1e-5 * diagonal < s < largest * diagonal for s in surface.sizes)
 
 
-def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray | None = None) -> np.ndarray:
-    """Free facets, of all or `among` some, whose every corner lies on the carrier within `slack` tolerances and whose normal follows it."""
+def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray | None = None, curved: bool = False) -> np.ndarray:
+    """Free facets, of all or `among` some, whose every corner lies on the carrier within `slack` tolerances and whose normal follows it.
+    Those known to be of a `curved` face are no flats with their corners on the carrier, however they lean."""
     facets, config = state.facets, state.config
     triangles = np.flatnonzero(state.free[facets.facet_of]) if among is None else facets.triangles(among)
     state.spent += len(triangles)
@@ -120,9 +121,10 @@ def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray
     along, middle, off = follow(carrier, facets.corners, facing, fine, 10 * config.on_surface * facets.diagonal)
     # a disc inside a torus's topmost circle follows the torus at its corners alone
     leans = np.arccos(np.minimum(middle, 1)) > LEAN * np.arccos(np.minimum(along, 1)) + LEVEL
-    along[leans] = 0.0
+    along[leans & (not curved)] = 0.0
     own, count = np.unique(facets.facet_of[fine[along >= np.cos(np.radians(config.follow_deg))]], return_counts=True)
-    return _without_flats(own[count == facets.triangle_counts[own]], facets.facet_of[fine], along, off, state)
+    whole = own[count == facets.triangle_counts[own]]
+    return whole if curved else _without_flats(whole, facets.facet_of[fine], along, off, state)
 
 
 def to_ball(surface: Surface, direction: np.ndarray) -> np.ndarray:

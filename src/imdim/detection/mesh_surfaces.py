@@ -52,6 +52,7 @@ def detect_shown(facets: Facets, deadline: Deadline = NEVER, elliptic: bool = Tr
     # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
     looser = replace(config, on_surface=config.loose, max_failures=config.max_failures // 3)
     more, free = _find_curved(facets, free, looser, deadline)
+    curved = _absorb(curved, Growing(facets, ~free, [], config))
     exact = [Shown(_level(onto_corners(patch, facets.diagonal), facets.diagonal), members) for patch, members in curved + more]
     return sorted(exact, key=lambda s: -s.patch.area) + _planes(facets, free, config)
 
@@ -86,6 +87,25 @@ def _find_curved(
             continue
         patches.append(_take(found, state))
     return patches, state.free
+
+
+def _absorb(shown: list[Shown], state: Growing) -> list[Shown]:
+    """Without the patches all of whose facets lie on the carrier of a larger one, which gets them: a strip of a torus may have been taken
+    for a cylinder before anything told of the torus."""
+    facets, left = state.facets, sorted(shown, key=lambda s: -s.patch.area)
+    out: list[Shown] = []
+    while left:
+        first, *left = left
+        state.free[:] = False
+        state.free[np.concatenate([s.members for s in left]) if left else []] = True
+        lie = set(members_of(first.patch.surface, state, 1.0, curved=True).tolist()) if left else set[int]()
+        taken = [s for s in left if lie.issuperset(s.members.tolist())]
+        if taken:
+            left = [s for s in left if s not in taken]
+            members = np.unique(np.concatenate([first.members, *(s.members for s in taken)]))
+            first = Shown(_patch(first.patch.surface, facets, members), members)
+        out.append(first)
+    return out
 
 
 def _take(found: tuple[Surface, np.ndarray], state: Growing) -> Shown:
