@@ -288,6 +288,8 @@ def _arrange(program: Program, deadline: Deadline) -> Program:
     in the order of what they serve; as far as time allows."""
     if deadline.has_passed():
         return program
+    # numbers that have become equal make one bore of two
+    program = preserve(program, reduce_program(program, deadline=deadline), deadline=deadline)
     program = preserve(program, draw_back(program, deadline), deadline=deadline)
     bounds = bounds_of(to_manifold(program, CHECK_SEGMENTS))
 
