@@ -128,8 +128,11 @@ def test_the_chamfer_once_around_a_slot_is_an_edge_feature_however_low_its_wall_
     (chain,) = find_chains(meshed(part, mouth))
     assert (chain.kind, chain.outside, len(chain.blends)) == ("chamfer", 1, 4)
     assert chain.sizes == pytest.approx((0.9, 0.9), rel=5e-3)
-    opened = replace(mouth, edges=mouth.edges[:3])  # its cones at both ends, but not once around
-    assert find_chains(meshed(part, opened)) == []
+    opened = replace(mouth, edges=mouth.edges[:3])  # the cone at one end tells what the flats beside it are
+    (chain,) = find_chains(meshed(part, opened))
+    assert len(chain.blends) == 3
+    straight = replace(mouth, edges=mouth.edges[:1])  # as wide as the wall beside it, it may as well be a wall itself
+    assert find_chains(meshed(part, straight)) == []
 
 
 def test_what_bounds_no_solid_then_stays() -> None:

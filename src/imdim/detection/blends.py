@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +38,7 @@ LIKE = 0.03  # by which sizes within a chain may differ
 SMALLEST, LARGEST = 5e-4, 0.1  # of the diagonal: a blend's size
 CORNER = 2.0  # times its squared size: the area of a small piece between blends at most
 MOSTLY = 0.7  # of a curved patch's area: one facet that has more of it is a face of its own
+BLUNT = 2.0  # times the radius of a pin's flat end, that the pin has at most: what ends in less is a point
 STRANGE = 0.5  # of a mesh's area, that shows no carrier: beyond, it has no faces that blends could lie between
 ONE_WAY = 1.0  # degrees, within which a chain's pieces run in one direction
 
@@ -116,7 +117,7 @@ def chains_among(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) 
     pieces = _pieces(mesh, facets, shown)
     diagonal = float(np.linalg.norm(mesh.extents))
     found = {p.number: blend for p in pieces.values() if (blend := _blend(p, pieces, diagonal)) is not None}
-    found |= _rings(pieces, found, diagonal)
+    found = _rings(pieces, diagonal) | found
     while more := dict(_going_on(pieces, found, diagonal)) | dict(_corners(pieces, found)):
         found |= more
     chains = [Chain(tuple(found[i] for i in group)) for group in _joined(found, mesh)]
@@ -243,7 +244,7 @@ def _blend(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float, alone: 
     if kind in ("cylinder", "torus"):
         return _fillet(piece, pieces, diagonal, alone)
     if kind in ("plane", "cone"):
-        return _chamfer(piece, pieces, diagonal, alone)
+        return _chamfer(piece, pieces, diagonal) if alone else _chamfer_beside(piece, pieces, diagonal)
     return None
 
 
@@ -286,27 +287,49 @@ def _goes_on(surface: Surface, radius: float) -> bool:
     return surface.kind in ("cylinder", "torus", "sphere") and abs(surface.sizes[-1] - radius) < LIKE * radius
 
 
-def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float, alone: bool) -> Blend | None:
-    order = _chamfer_sides(piece, pieces, alone)
-    bevel = _bevel(piece, pieces, order, diagonal, [_width(pieces[i]) for i in order])
-    if bevel is None or not alone:
-        return bevel
-    one, two = (piece.beside[i].length for i in order)
-    width, (shorter, longer) = _across(piece, order), sorted((one, two))
-    if width > NARROW * min(math.sqrt(pieces[i].area) for i in order) or shorter < max(LONG * width, BESIDE * longer):
+def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float) -> Blend | None:
+    """The chamfer that a piece is by itself, if any."""
+    whole = _beside_carriers(piece, pieces) if piece.patch.surface.kind == "cone" else piece
+    order = _chamfer_sides(whole, pieces, alone=True)
+    bevel = _bevel(whole, pieces, order, diagonal)
+    if bevel is None:
         return None
-    return bevel if one + two >= BESIDE * sum(b.length for b in piece.beside.values()) else None
+    width, is_rim = _across(whole, order), _is_rim(bevel)
+    shorter, longer = sorted(whole.beside[i].length for i in order)
+    # the flat end of a pin is what its chamfer leaves, and a bore may leave even less of it
+    room = math.inf if is_rim else min(min(_width(pieces[i]), NARROW * math.sqrt(pieces[i].area)) for i in order)
+    if width >= room or shorter < max(LONG * width, BESIDE * longer):
+        return None
+    if shorter + longer < BESIDE * sum(b.length for b in whole.beside.values()):
+        return None
+    return replace(bevel, sizes=_rim_sizes(bevel)) if is_rim else bevel
 
 
-def _bevel(piece: _Piece, pieces: Mapping[int, _Piece], order: Sequence[int], diagonal: float, room: Sequence[float]) -> Blend | None:
-    """A piece as the chamfer of the edge in which the two sides in `order` met, if it leans to both and has `room` on them."""
+def _chamfer_beside(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float) -> Blend | None:
+    """The chamfer that a piece may be beside others, as long as some is left of its neighbours."""
+    order = _chamfer_sides(piece, pieces, alone=False)
+    return _bevel(piece, pieces, order, diagonal, [pieces[i].area / max(piece.beside[i].length, 1e-300) for i in order])
+
+
+def _beside_carriers(piece: _Piece, pieces: Mapping[int, _Piece]) -> _Piece:
+    """A piece with one border to all pieces of each carrier: flats along a pin cut its wall in two, and its chamfer not."""
+    merged: dict[Surface, tuple[int, _Border]] = {}
+    for i, border in sorted(piece.beside.items(), key=lambda item: -item[1].length):
+        first, known = merged.get(pieces[i].patch.surface, (i, border._replace(length=0.0)))
+        merged[pieces[i].patch.surface] = first, known._replace(length=known.length + border.length)
+    return piece._replace(beside=dict(merged.values()))
+
+
+def _bevel(piece: _Piece, pieces: Mapping[int, _Piece], order: Sequence[int], diagonal: float, room: Sequence[float] = ()) -> Blend | None:
+    """A piece as the chamfer of the edge in which the two sides in `order` met, if it leans to both and is narrower than the `room` on
+    them."""
     if len(order) < 2:
         return None
     one, two = (piece.beside[i] for i in order)
     width = _across(piece, order)
     if one.convex != two.convex or not all(SLOPE[0] < b.angle < SLOPE[1] for b in (one, two)):
         return None
-    if not SMALLEST * diagonal < width < min(LARGEST * diagonal, *room):
+    if not SMALLEST * diagonal < width < min([LARGEST * diagonal, *room]):
         return None
     turn = math.sin(math.radians(one.angle + two.angle))
     sizes = width * math.sin(math.radians(two.angle)) / turn, width * math.sin(math.radians(one.angle)) / turn
@@ -335,16 +358,13 @@ def _chamfer_sides(piece: _Piece, pieces: Mapping[int, _Piece], alone: bool) -> 
     return list(min(pairs, key=lambda p: abs(piece.beside[p[0]].angle - piece.beside[p[1]].angle), default=order[:2]))
 
 
-def _rings(pieces: Mapping[int, _Piece], found: Mapping[int, Blend], diagonal: float) -> dict[int, Blend]:
+def _rings(pieces: Mapping[int, _Piece], diagonal: float) -> dict[int, Blend]:
     """Flats and cones that touch each other once around a mouth or a boss, at one distance: the chamfer of its rim, however low its wall
     is, as long as some of it is left."""
     bevels: dict[int, Blend] = {}
     for piece in pieces.values():
-        if piece.number not in found and piece.patch.surface.kind in ("plane", "cone"):
-            order = _chamfer_sides(piece, pieces, alone=False)
-            room = [pieces[i].area / max(piece.beside[i].length, 1e-300) for i in order]
-            if (bevel := _bevel(piece, pieces, order, diagonal, room)) is not None:
-                bevels[piece.number] = bevel
+        if piece.patch.surface.kind in ("plane", "cone") and (bevel := _chamfer_beside(piece, pieces, diagonal)) is not None:
+            bevels[piece.number] = bevel
     beside = {
         i: [j for j, b in pieces[i].beside.items() if j in bevels and b.angle < TANGENT and _are_alike(bevels[i], bevels[j])]
         for i in bevels
@@ -417,7 +437,19 @@ def _is_rim(blend: Blend) -> bool:
     is_square = all(np.linalg.norm(np.cross(blend.carrier.axis, side.axis)) < across for side in (flat, tube))
     is_centred = np.linalg.norm(np.cross(tube.axis, np.asarray(blend.carrier.point) - tube.point)) < LIKE * tube.sizes[0]
     radii = np.linalg.norm(np.cross(tube.axis, blend.corners - tube.point), axis=1)
-    return is_square and bool(is_centred) and bool(radii.max() < SUNK * radii.min())  # wider ones are countersinks, and tips
+    # wider ones are countersinks, and tips; a pin's end may have less left of it where its chamfer is an even one
+    is_pins_end = abs(radii.max() / tube.sizes[0] - 1) < LIKE and max(blend.sizes) < (1 + LIKE) * min(blend.sizes)
+    return is_square and bool(is_centred) and bool(radii.max() < (BLUNT if is_pins_end else SUNK) * radii.min())
+
+
+def _rim_sizes(rim: Blend) -> tuple[float, float]:
+    """The distances along the two sides of a round rim's chamfer, where its cone meets them: what flats cut away of it says nothing."""
+    cone, slope = rim.carrier, math.tan(rim.carrier.sizes[0])
+    (flat,), (tube,) = ([side for side in rim.sides if (side.kind == "plane") is plane] for plane in (True, False))
+    height = abs(float(np.dot(flat.axis, np.subtract(flat.point, cone.point)) / np.dot(flat.axis, cone.axis)))
+    across = abs(tube.sizes[0] - height * slope)
+    along = across / slope
+    return (across, along) if rim.sides[0] == flat else (along, across)
 
 
 def _way(blend: Blend) -> np.ndarray:
