@@ -121,6 +121,37 @@ def test_narrow_chamfers_of_round_rims_are_edge_features() -> None:
     assert off.mesh.volume == pytest.approx(sharp, rel=1e-6)
 
 
+PIN_ENDS = tuple((Face(0, "side"), Face(0, end)) for end in ("+z", "-z"))
+
+
+@pytest.mark.parametrize("distance", [1.0, 2.0, 3.0])
+def test_the_even_chamfer_of_a_pins_end_is_an_edge_feature_however_little_it_leaves(distance: float) -> None:
+    pin = Primitive("cylinder", (7.0, 14.0))
+    chains = find_chains(meshed(pin, EdgeFeature("chamfer", (distance,), PIN_ENDS)))
+    assert [len(chain.blends) for chain in chains] == [1, 1]
+    assert all(chain.sizes == pytest.approx((distance, distance), rel=5e-3) for chain in chains)
+
+
+@pytest.mark.parametrize("sizes", [(4.0,), (1.0, 3.0)])
+def test_a_pins_point_is_none(sizes: tuple[float, ...]) -> None:
+    assert find_chains(meshed(Primitive("cylinder", (7.0, 14.0)), EdgeFeature("chamfer", sizes, PIN_ENDS))) == []
+
+
+@pytest.mark.parametrize("flats", [10.7, 9.0])
+def test_a_chamfer_that_flats_have_cut_comes_off(flats: float) -> None:
+    """Its border on a flat ends on that, and not where the round wall would have been."""
+    pin, sides = Primitive("cylinder", (6.7, 13.4)), Primitive("box", (30.0, flats, 30.0))
+    sharp = Combine("difference", Combine("intersection", pin, sides), Primitive("cylinder", (4.4, 20.0)))
+    whole = with_edges(sharp, [EdgeFeature("chamfer", (1.4,), PIN_ENDS)])
+    mesh = to_trimesh(to_manifold(whole, 96))
+    chains = find_chains(mesh)
+    assert [chain.sizes for chain in chains] == [pytest.approx((1.4, 1.4), rel=5e-3)] * 4
+    found = sharpen(mesh, chains)
+    assert len(found.chains) == 4
+    solid, wanted = mesh_to_manifold(found.mesh), to_manifold(sharp, 96)
+    assert ((solid - wanted) + (wanted - solid)).volume() < 2e-3 * wanted.volume()
+
+
 def test_the_chamfer_once_around_a_slot_is_an_edge_feature_however_low_its_wall_is() -> None:
     slot = Primitive("extrude", (4.0,), outline=Outline((((-4, -2.2, 0), (4, -2.2, 1), (4, 2.2, 0), (-4, 2.2, 1)),)))
     part = Combine("difference", Primitive("box", (30.0, 20.0, 2.4)), slot)

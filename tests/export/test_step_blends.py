@@ -45,6 +45,15 @@ def test_a_blend_that_cannot_be_is_listed_and_the_rest_is_valid(tmp_path):
     assert solids_in(read_step(path)) == 1
 
 
+def test_what_is_left_of_an_edge_is_swept_where_opencascade_blends_some_of_it(tmp_path):
+    """Flats cut the rims of a pin in two, and of each OpenCASCADE blends one half."""
+    pin = Combine("intersection", Primitive("cylinder", (6.72, 13.44)), Primitive("box", (16.2, 10.752, 13.64), (-1.28, 0.0, 0.0)))
+    part = Combine("difference", pin, Primitive("cylinder", (4.4, 13.64)))
+    edges = [chamfer((1.44,), tuple((Face(0, "side"), Face(0, end)) for end in ("-z", "+z")))]
+    assert not write_step(part, tmp_path / "part.step", edges).sharp
+    assert step_volume(tmp_path / "part.step") == pytest.approx(solid_with_edges(part, edges).volume(), rel=1e-3)
+
+
 def test_edges_of_several_radii_meet_in_a_corner(tmp_path):
     """One after the other OpenCASCADE would go on round the first of them."""
     blending = write_step(BOX, tmp_path / "part.step", [fillet(2.0, RIM[:1]), fillet(6.0, RIM[2:3])])

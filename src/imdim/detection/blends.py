@@ -291,13 +291,13 @@ def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float) -> Bl
     """The chamfer that a piece is by itself, if any."""
     whole = _beside_carriers(piece, pieces) if piece.patch.surface.kind == "cone" else piece
     order = _chamfer_sides(whole, pieces, alone=True)
-    bevel = _bevel(whole, pieces, order, diagonal)
+    bevel = _bevel(whole, pieces, order, SMALLEST * diagonal)
     if bevel is None:
         return None
     width, is_rim = _across(whole, order), _is_rim(bevel)
     shorter, longer = sorted(whole.beside[i].length for i in order)
     # the flat end of a pin is what its chamfer leaves, and a bore may leave even less of it
-    room = math.inf if is_rim else min(min(_width(pieces[i]), NARROW * math.sqrt(pieces[i].area)) for i in order)
+    room = math.inf if is_rim else min(LARGEST * diagonal, *(min(_width(pieces[i]), NARROW * math.sqrt(pieces[i].area)) for i in order))
     if width >= room or shorter < max(LONG * width, BESIDE * longer):
         return None
     if shorter + longer < BESIDE * sum(b.length for b in whole.beside.values()):
@@ -308,7 +308,8 @@ def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float) -> Bl
 def _chamfer_beside(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float) -> Blend | None:
     """The chamfer that a piece may be beside others, as long as some is left of its neighbours."""
     order = _chamfer_sides(piece, pieces, alone=False)
-    return _bevel(piece, pieces, order, diagonal, [pieces[i].area / max(piece.beside[i].length, 1e-300) for i in order])
+    room = (pieces[i].area / max(piece.beside[i].length, 1e-300) for i in order)
+    return _bevel(piece, pieces, order, SMALLEST * diagonal, min([LARGEST * diagonal, *room]))
 
 
 def _beside_carriers(piece: _Piece, pieces: Mapping[int, _Piece]) -> _Piece:
@@ -320,16 +321,16 @@ def _beside_carriers(piece: _Piece, pieces: Mapping[int, _Piece]) -> _Piece:
     return piece._replace(beside=dict(merged.values()))
 
 
-def _bevel(piece: _Piece, pieces: Mapping[int, _Piece], order: Sequence[int], diagonal: float, room: Sequence[float] = ()) -> Blend | None:
-    """A piece as the chamfer of the edge in which the two sides in `order` met, if it leans to both and is narrower than the `room` on
-    them."""
+def _bevel(piece: _Piece, pieces: Mapping[int, _Piece], order: Sequence[int], least: float, most: float = math.inf) -> Blend | None:
+    """A piece as the chamfer of the edge in which the two sides in `order` met, if it leans to both and is between `least` and `most`
+    wide."""
     if len(order) < 2:
         return None
     one, two = (piece.beside[i] for i in order)
     width = _across(piece, order)
     if one.convex != two.convex or not all(SLOPE[0] < b.angle < SLOPE[1] for b in (one, two)):
         return None
-    if not SMALLEST * diagonal < width < min([LARGEST * diagonal, *room]):
+    if not least < width < most:
         return None
     turn = math.sin(math.radians(one.angle + two.angle))
     sizes = width * math.sin(math.radians(two.angle)) / turn, width * math.sin(math.radians(one.angle)) / turn

@@ -20,6 +20,8 @@ LEAST_STEPS = {"sphere": 2.5, "torus": 4.5, "ellipsoid": 3.5}
 LEAN = 0.6  # of what it leans by at a corner: what a facet may lean by in its middle
 LEVEL = math.radians(2.0)  # beside that
 MOSTLY = 0.75  # of its corners, that lie on an elliptic cylinder
+PARTED = 0.3  # of what a sphere's facets span one way, from which a gap between them parts two bands,
+LEVEL_SHARE = 0.02  # of which each is between two circles, where its corners are as near to these
 UNROUND = 4e-4  # of the diagonal, by which the semi-axes of an ellipse differ; with less a circle does it
 FEW_STRIPS, STANDS_OUT = 7, 4.0  # of a cylinder, among which one that is wider by more than this factor is a flat between strips of others
 ONE_FACET = 0.7  # of a curved patch's area: one facet that has more of it is a flat between strips of roundings
@@ -208,14 +210,32 @@ def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float
         return min(_turns(np.arcsin(np.clip(direction @ axis, -1, 1)), areas) for axis in (*np.eye(3), *own.T))
     if surface.kind == "sphere":
         # the axis of a band, the pole of a cap
-        axis = np.linalg.eigh(np.cov(direction.reshape(-1, 3).T))[1][:, 0]
-        return _turns(np.arcsin(np.clip(direction @ axis, -1, 1)), areas)
+        own = np.linalg.eigh(np.cov(direction.reshape(-1, 3).T))[1]
+        latitudes = [np.arcsin(np.clip(direction @ axis, -1, 1)) for axis in own.T]
+        return 1.0 if any(_are_two_bands(angles) for angles in latitudes) else _turns(latitudes[0], areas)
     frame = frame_from_axis(np.asarray(surface.axis))
     local = (corners - surface.point) @ frame
     around = np.arctan2(local[..., 1], local[..., 0])
     radial = np.cos(around)[..., None] * frame[:, 0] + np.sin(around)[..., None] * frame[:, 1]
     along = np.arctan2(direction @ frame[:, 2], (direction * radial).sum(2))
     return min(_turns(along, areas), _turns(around, areas))
+
+
+def _are_two_bands(angles: np.ndarray) -> bool:
+    """Whether triangles with corners at `angles` [t, 3] lie in two bands with a gap between them, and in each between two circles of
+    corners, as the chamfers at both ends of a pin do."""
+    low, high = angles.min(1), angles.max(1)
+    order = np.argsort(low, kind="stable")
+    gaps = low[order][1:] - np.maximum.accumulate(high[order])[:-1]
+    if not len(gaps) or gaps.max() < PARTED * (high.max() - low.min()):
+        return False
+    first = int(np.argmax(gaps)) + 1
+    return all(_are_two_circles(angles[own]) for own in (order[:first], order[first:]))
+
+
+def _are_two_circles(angles: np.ndarray) -> bool:
+    low, high = angles.min(), angles.max()
+    return bool((np.minimum(angles - low, high - angles) < LEVEL_SHARE * (high - low)).all())
 
 
 def _turns(angles: np.ndarray, areas: np.ndarray) -> float:

@@ -7,7 +7,7 @@ A cross section thereby collapses into one point of the edge, and a corner that 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,13 +17,15 @@ from manifold3d import Error, Manifold
 from imdim.detection.blends import Chain
 from imdim.geometry.rows import lengths
 from imdim.geometry.solid import solid_of, to_trimesh
-from imdim.geometry.surface import Surface, SurfaceTable, normals
+from imdim.geometry.surface import Surface, SurfaceTable, normals, signed_distance
 
 STEPS, SETTLED = 30, 1e-13  # of Newton's method, and the step after which a corner stays
 MOST_OF = 0.6  # of a chain's area, that has to come off for any of it to
 ON_FACE = 2e-4  # of the diagonal, within which a corner has reached a face
 FURTHEST = 4.0  # times a blend's size, that a corner may move
 FLAT = 1e-3  # of the largest singular value, below which carriers touch and fix one direction together
+ROUND = ("cone", "torus")  # blends of round edges: a flat may cut them anywhere, others only at their ends
+SAME_PLANE = 1 - 1e-6  # cosine between normals of one plane
 COLLAPSED = 2e-5  # of the diagonal, that edges of triangles are shorter than once they have collapsed
 
 
@@ -115,8 +117,39 @@ def _moved(mesh: trimesh.Trimesh, *chains: Chain) -> tuple[np.ndarray, list[int]
     placed, good = _placed(vertices[members], [[*own, *end] for own, end in zip(faces, ends, strict=True)], reach, ON_FACE * diagonal)
     again = [i for i, end in enumerate(ends) if end and not good[i]]
     placed[again], good[again] = _placed(vertices[members[again]], [faces[i] for i in again], reach[again], ON_FACE * diagonal)
+    for i, end in _crossed(mesh, chains, beside, dict(zip(members.tolist(), placed, strict=True)), ON_FACE * diagonal):
+        # what a flat has cut away of an edge is not there: the chamfer's own border ends on the flat
+        tries = [_placed(vertices[members[[i]]], [[side, end]], reach[[i]], ON_FACE * diagonal) for side in faces[i]]
+        near = [place[0] for place, fits in tries if fits[0]]
+        if near:
+            placed[i], good[i] = min(near, key=lambda place: float(np.linalg.norm(place - vertices[members[i]]))), True
     vertices[members] = placed
     return vertices, members[~good].tolist()
+
+
+def _crossed(
+    mesh: trimesh.Trimesh,
+    chains: Sequence[Chain],
+    beside: Mapping[int, Mapping[Surface, None]],
+    placed: Mapping[int, np.ndarray],
+    tolerance: float,
+) -> Iterator[tuple[int, Surface]]:
+    """The number among those `placed` of each vertex of a round blend that left, or went through, a plane that cuts this, and the plane."""
+    number, corners = {vertex: i for i, vertex in enumerate(placed)}, np.asarray(mesh.vertices)
+    for blend in (b for c in chains for b in c.blends if b.carrier.kind in ROUND):
+        own = np.unique(mesh.faces[blend.triangles])
+        before, after = corners[own], np.array([placed[v] for v in own.tolist()])
+        ends: list[Surface] = []
+        for plane in (plane for v in own.tolist() for plane in beside.get(v, ())):
+            if not any(
+                abs(np.dot(plane.axis, e.axis)) > SAME_PLANE and abs(signed_distance(e, np.array([plane.point]))[0]) < tolerance
+                for e in ends
+            ):
+                ends.append(plane)
+        for end in ends:
+            was, now = signed_distance(end, before), signed_distance(end, after)
+            left = (np.abs(now) > tolerance) & ((np.abs(was) <= tolerance) | (was * now < 0))
+            yield from ((number[v], end) for v in own[left].tolist())
 
 
 def _placed(points: np.ndarray, faces: Sequence[Sequence[Surface]], reach: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:

@@ -60,9 +60,9 @@ def blend_shape(shape: Any, program: Program, placed: PlacedEdges, build: Callab
     Feature by feature; where one fails because of those before it, those that failed come first in a second trial.
     """
     deadline, stretches = Deadline.of_process(PATIENCE_S), placed.edges
-    edges, features = _numbers(stretches), list(dict.fromkeys(s.feature for s in stretches))
+    features = list(dict.fromkeys(s.feature for s in stretches))
     blended, sharp = _blend_in_order(shape, program, stretches, features, deadline)
-    failed = {feature for feature, _ in sharp}
+    failed = {stretch.feature for stretch in sharp}
     again = sorted(features, key=lambda feature: feature not in failed)
     if sharp and again != features and not deadline.has_passed():
         second, still = _blend_in_order(shape, program, stretches, again, deadline)
@@ -70,23 +70,23 @@ def blend_shape(shape: Any, program: Program, placed: PlacedEdges, build: Callab
             blended, sharp = second, still
     if sharp:
         blended, sharp = _sweep(blended, program, placed, sharp, build, deadline)
-    return blended, Blending(edges, sharp)
+    return blended, Blending(_numbers(stretches), _numbers(sharp))
 
 
 def _sweep(
     shape: Any,
     program: Program,
     placed: PlacedEdges,
-    sharp: Sequence[EdgeNumber],
+    sharp: Sequence[BlendedEdge],
     build: Callable[[Program], Any],
     deadline: Deadline,
-) -> tuple[Any, tuple[EdgeNumber, ...]]:
-    """The shape with those edges that are sharp blended by booleans with their swept sections, and the edges that stay sharp."""
-    done = [s for s in placed.edges if (s.feature, s.edge) not in sharp]
-    exact = _blended(to_manifold(program), blend_pieces(done))
-    volume, failed = shape_volume(shape, VOLUME_ERRORS[0]), list[EdgeNumber]()
-    for number in sharp:
-        group, rooms = zip(*(pair for pair in placed.pairs if (pair[0].feature, pair[0].edge) == number), strict=True)
+) -> tuple[Any, list[BlendedEdge]]:
+    """The shape with those stretches of edges that are sharp blended by booleans with their swept sections, edge by edge, and those that
+    stay sharp."""
+    exact = _blended(to_manifold(program), blend_pieces([s for s in placed.edges if s not in sharp]))
+    volume, failed = shape_volume(shape, VOLUME_ERRORS[0]), list[BlendedEdge]()
+    for number in _numbers(sharp):
+        group, rooms = zip(*((s, room) for s, room in placed.pairs if s in sharp and (s.feature, s.edge) == number), strict=True)
         pieces, has_time = sweep_blends(group), not deadline.has_passed()
         tried, after = shape if has_time and all(rooms) else None, exact
         for piece in pieces if tried is not None else ():
@@ -95,14 +95,14 @@ def _sweep(
             tried = _boolean(tried, build(piece.solid), piece.cuts)
         expected = after.volume() - exact.volume()
         if tried is None or solids_in(tried) != solids_in(shape) or not ocp("BRepCheck").BRepCheck_Analyzer(tried).IsValid():
-            failed.append(number)
+            failed += group
             continue
         found = shape_volume(tried, _volume_error(expected, volume))
         if abs(found - volume - expected) > OFF * abs(expected) + NOISE * volume:
-            failed.append(number)
+            failed += group
             continue
         shape, volume, exact = tried, found, after
-    return merge_faces(shape, volume), tuple(failed)
+    return merge_faces(shape, volume), failed
 
 
 def _blended(solid: Manifold, pieces: Sequence[BlendSolid]) -> Manifold:
@@ -140,8 +140,8 @@ def _numbers(stretches: Sequence[BlendedEdge]) -> tuple[EdgeNumber, ...]:
 
 def _blend_in_order(
     shape: Any, program: Program, stretches: Sequence[BlendedEdge], features: Sequence[int], deadline: Deadline
-) -> tuple[Any, tuple[EdgeNumber, ...]]:
-    """The shape with features blended one after the other, and the edges that stayed sharp.
+) -> tuple[Any, list[BlendedEdge]]:
+    """The shape with features blended one after the other, and the stretches that stayed sharp.
 
     Those of one kind are tried together first: edges of several sizes that meet in a corner can be blended only so.
     """
@@ -154,7 +154,7 @@ def _blend_in_order(
         if len(groups) > 1 and state.blend([s for group in groups for s in group]):
             continue
         failed += [s for group in groups for s in _blend_feature(state, group, deadline)]
-    return state.shape, _numbers(failed)
+    return state.shape, failed
 
 
 class _State:
