@@ -4,7 +4,7 @@ import json
 import math
 import resource
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import pytest
 import torch
@@ -34,7 +34,7 @@ DATA = SynthesisConfig(gt_points=64, cur_points=32, n_max=3, volume_samples=256,
 
 
 def small(out, experiment="base", **changes) -> TrainConfig:
-    config = TrainConfig(experiment, out=str(out), epochs=3, samples_per_epoch=12, n_val=8, batch_size=4, max_seq_len=6, synthesis=DATA)
+    config = TrainConfig(experiment, out=str(out), epochs=2, samples_per_epoch=12, n_val=8, batch_size=4, max_seq_len=6, synthesis=DATA)
     return replace(config, base=BASE, seed_design=SEED, warmup=2, **{"n_measure": 4, **changes})
 
 
@@ -43,30 +43,42 @@ def weights(path):
         return {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The folder and the reports of an undisturbed run of a design, with which tests compare theirs; they leave the folder as it is."""
+
+    @cache
+    def run(experiment):
+        out = tmp_path_factory.mktemp(experiment)
+        return out, list(train(small(out, experiment)))
+
+    return run
+
+
 @pytest.mark.parametrize("experiment", ["base", "seed"])
-def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path, experiment):
-    whole = list(train(small(tmp_path / "whole", experiment)))
-    assert [r.step for r in whole] == [3, 6, 9]
+def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path, experiment, finished):
+    out, whole = finished(experiment)
+    assert [r.step for r in whole] == [3, 6]
     assert whole[-1].stop == "finished"
-    killed = train(small(tmp_path / "killed", experiment, save_every=2))
+    killed = train(small(tmp_path, experiment, save_every=2))
     next(killed)
     killed.close()
-    resumed = list(train(small(tmp_path / "killed", experiment, save_every=2, resume=True)))
-    assert [r.step for r in resumed] == [6, 9]
+    resumed = list(train(small(tmp_path, experiment, save_every=2, resume=True)))
+    assert [r.step for r in resumed] == [6]
     assert [r.val for r in resumed] == [r.val for r in whole[1:]]
-    a, b = (load_state(tmp_path / name / "state.pt") for name in ("whole", "killed"))
+    a, b = (load_state(folder / "state.pt") for folder in (out, tmp_path))
     assert all(torch.equal(a[part][key], b[part][key]) for part in ("policy", "average") for key in a[part])
-    one, other = (weights(tmp_path / name / "best.safetensors") for name in ("whole", "killed"))
+    one, other = (weights(folder / "best.safetensors") for folder in (out, tmp_path))
     assert all(torch.equal(one[key], other[key]) for key in one)
 
 
 @pytest.mark.parametrize("experiment", ["base", "seed"])
-def test_a_run_begins_with_the_weights_of_a_checkpoint(tmp_path, experiment):
-    list(train(small(tmp_path / "first", experiment)))
-    given = tmp_path / "first" / "best.safetensors"
+def test_a_run_begins_with_the_weights_of_a_checkpoint(tmp_path, experiment, finished):
+    given = finished(experiment)[0] / "best.safetensors"
     # a rate of nothing leaves what the run began with
-    list(train(small(tmp_path / "second", experiment, epochs=1, lr=0.0, ema=0.0, seed=1, weights=str(given))))
-    first, second = (weights(tmp_path / name / "best.safetensors") for name in ("first", "second"))
+    anew = small(tmp_path / "second", experiment, lr=0.0, ema=0.0, seed=1, weights=str(given))
+    list(train(replace(anew, epochs=1, samples_per_epoch=4)))
+    first, second = (weights(path) for path in (given, tmp_path / "second" / "best.safetensors"))
     assert all(torch.equal(first[key], second[key]) for key in first)
     wider = replace(
         small(tmp_path / "other", experiment, weights=str(given)), base=replace(BASE, d_model=32), seed_design=replace(SEED, hidden=32)
@@ -109,7 +121,7 @@ class Clock:
 def test_a_time_limit_makes_the_rate_fall_in_time(tmp_path):
     """3 looks at the clock a step: 30 s are 10 steps, of which a fifth falls; the run says why it stopped and has a whole state."""
     clock = Clock()
-    config = small(tmp_path, max_minutes=0.5)
+    config = small(tmp_path, "seed", max_minutes=0.5)
     reports = list(train(replace(config, epochs=30, cooldown=0.2), clock=clock))
     assert reports[-1].stop == "max_minutes"
     assert [r.stop for r in reports[:-1]] == [None] * (len(reports) - 1)
@@ -124,7 +136,7 @@ def test_a_time_limit_makes_the_rate_fall_in_time(tmp_path):
 def test_a_fall_that_was_killed_ends_as_the_one_that_was_not(tmp_path):
     """The clock of the resumed run stands still: when to end was settled before."""
     limit = {"max_minutes": 0.5, "save_every": 1}
-    configs = [replace(small(tmp_path / name, **limit), epochs=30, cooldown=0.5) for name in ("whole", "killed")]
+    configs = [replace(small(tmp_path / name, "seed", **limit), epochs=30, cooldown=0.5) for name in ("whole", "killed")]
     whole = list(train(configs[0], clock=Clock()))[-1]
     killed = train(configs[1], clock=Clock())
     while True:
@@ -140,12 +152,12 @@ def test_a_fall_that_was_killed_ends_as_the_one_that_was_not(tmp_path):
 
 @pytest.mark.parametrize("cooldown", [0.0, 0.4])
 def test_a_run_that_is_over_goes_on_as_if_it_had_been_meant_to_be_longer(tmp_path, cooldown):
-    long, short = (replace(small(tmp_path / name), cooldown=cooldown) for name in ("long", "short"))
-    list(train(replace(long, epochs=4)))
-    list(train(replace(short, epochs=2)))
-    with pytest.raises(ValueError, match="is of a run that is over, 6 steps long; give it more epochs"):
-        next(train(replace(short, epochs=2, resume=True)))
-    list(train(replace(short, epochs=4, resume=True)))
+    long, short = (replace(small(tmp_path / name, "seed"), cooldown=cooldown) for name in ("long", "short"))
+    list(train(replace(long, epochs=2)))
+    list(train(replace(short, epochs=1)))
+    with pytest.raises(ValueError, match="is of a run that is over, 3 steps long; give it more epochs"):
+        next(train(replace(short, epochs=1, resume=True)))
+    list(train(replace(short, epochs=2, resume=True)))
     a, b = (load_state(tmp_path / name / "state.pt") for name in ("long", "short"))
     assert all(torch.equal(a[part][key], b[part][key]) for part in ("policy", "average") for key in a[part])
 
@@ -186,15 +198,15 @@ def test_the_average_is_the_moving_one(tmp_path):
             assert torch.allclose(mean, expected, atol=1e-6)
 
 
-def test_what_is_validated_and_saved_is_the_average(tmp_path):
-    list(train(small(tmp_path, ema=0.9)))
-    state, best = load_state(tmp_path / "state.pt"), weights(tmp_path / "best.safetensors")
+def test_what_is_validated_and_saved_is_the_average(finished):
+    out, _ = finished("base")
+    state, best = load_state(out / "state.pt"), weights(out / "best.safetensors")
     assert all(torch.equal(best[key], state["average"][key]) for key in best)
     assert not all(torch.equal(best[key], state["policy"][key]) for key in best)
 
 
 def test_programs_and_errors_are_measured_every_few_epochs_and_at_the_end(tmp_path):
-    reports = list(train(replace(small(tmp_path, measure_every=2, n_measure=4), epochs=3)))
+    reports = list(train(replace(small(tmp_path, measure_every=2, n_measure=4), epochs=3, samples_per_epoch=4)))
     assert [bool(r.measured) for r in reports] == [False, True, True]
     last = reports[-1]
     assert last.shown is not None
@@ -214,13 +226,13 @@ def test_measured_iou_is_that_of_the_true_program_when_the_policy_knows_it(tmp_p
 
 
 @pytest.mark.parametrize("changes", [{"workers": 1}, {"shards": 2}, {"precision": "bfloat16"}])
-def test_what_may_not_change_the_run_does_not(tmp_path, changes):
+def test_what_may_not_change_the_run_does_not(tmp_path, changes, finished):
     """Workers make the same samples; a run in parts or in half precision learns nearly the same and resumes like any other."""
-    plain = list(train(small(tmp_path / "plain", "seed")))
-    killed = train(small(tmp_path / "other", "seed", **changes))
+    _, plain = finished("seed")
+    killed = train(small(tmp_path, "seed", **changes))
     next(killed)
     killed.close()
-    other = list(train(small(tmp_path / "other", "seed", resume=True, **changes)))
+    other = list(train(small(tmp_path, "seed", resume=True, **changes)))
     assert other[-1].step == plain[-1].step
     if "workers" in changes:
         assert other[-1].val == plain[-1].val
