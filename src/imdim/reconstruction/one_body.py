@@ -24,7 +24,7 @@ from imdim.geometry.finish.late_cuts import cut_last, group_cuts, lead_with_body
 from imdim.geometry.finish.loose_bodies import join_bodies
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.finish.parted import part_bodies
-from imdim.geometry.finish.plugs import bore_plugs
+from imdim.geometry.finish.plugs import bore_plugs, part_holes
 from imdim.geometry.finish.rails import part_at_posts
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.turned_feet import stand_on_faces
@@ -144,7 +144,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
     short = preserve(home, reduce_program(home, deadline=fit_by))
     if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():
         short = complete_polygons(complete_holes(short, seen.patches, seen.iou, seen.exact_price), seen.iou)
-        short = bore_plugs(draw_webs(short, seen.solid, fit_by), seen.solid, fit_by)
+        short = part_holes(bore_plugs(draw_webs(short, seen.solid, fit_by), seen.solid, fit_by), seen.solid, fit_by)
     opened = _open_films(frame.undo(short), seen, frame, fit_by)
     short = short if opened is None else frame.apply(opened)
     simple = replace(step, stage="simplify", program=short, error=None, front=())

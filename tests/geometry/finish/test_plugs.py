@@ -1,10 +1,11 @@
-"""Tubes that plug a hole: a boss with a bore."""
+"""Tubes that plug a hole: a boss with a bore. Rods that do: two holes."""
 
+import pytest
 from tests.deadlines import PASSED
-from tests.planted import cut, cylinder, union
+from tests.planted import ALONG_Y, box, cut, cylinder, union
 
-from imdim.geometry.finish.plugs import bore_plugs
-from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.geometry.finish.plugs import bore_plugs, part_holes
+from imdim.geometry.solid import symmetric_difference_volume, to_manifold, volume_iou
 from imdim.program.outline import Outline
 from imdim.program.tree import Primitive, leaves
 
@@ -50,3 +51,26 @@ def test_each_plug_is_decided_by_itself_where_all_cannot_be_one():
     assert len(list(leaves(bored))) == len(list(leaves(program)))
     assert tube(8.0, -31.0) in leaves(bored)
     assert tube(8.0) not in leaves(bored)
+
+
+def test_a_rod_in_a_hole_makes_two_holes_of_it() -> None:
+    block, hole, rod = box(20, 60, 12), cylinder(2.5, 62, rotation=ALONG_Y), cylinder(2.5, 6, (0.0, 1.0, 0.0), ALONG_Y)
+    program = union(cut(block, hole), rod)
+    parted = part_holes(program, to_manifold(program))
+    depths = sorted(leaf.size[1] for leaf in leaves(parted) if leaf.kind == "cylinder")
+    assert depths == pytest.approx([27.0, 29.0])
+    assert symmetric_difference_volume(to_manifold(parted), to_manifold(program)) < 1e-6
+    assert part_holes(program, to_manifold(program), PASSED) is program
+
+
+@pytest.mark.parametrize(
+    "rod",
+    [
+        cylinder(2.5, 30, (0.0, 20.0, 0.0), ALONG_Y),  # it makes the hole a blind one
+        cylinder(2.0, 6, (0.0, 1.0, 0.0), ALONG_Y),  # it leaves a slit
+        cylinder(2.5, 6, (1.0, 1.0, 0.0), ALONG_Y),  # beside
+    ],
+)
+def test_what_does_not_part_a_hole_stays(rod) -> None:
+    program = union(cut(box(20, 60, 12), cylinder(2.5, 62, rotation=ALONG_Y)), rod)
+    assert part_holes(program, to_manifold(program)) is program

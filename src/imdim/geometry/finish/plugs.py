@@ -1,7 +1,8 @@
-"""Tubes that plug a hole as bosses with a bore: what a person draws in their place.
+"""Tubes and rods that plug a hole: what a person draws in their place.
 
 A search may find that a boss with a bore, such as one that bridges a groove, is a hole as wide as the boss with a tube in it: its wall is
-then drawn twice, and wherever one of the two moves, slits open between them. As a boss, with its bore cut last, it has one wall.
+then drawn twice, and wherever one of the two moves, slits open between them. As a boss, with its bore cut last, it has one wall. And two
+holes that meet head on, with a wall between their ends, may be one hole with a rod in it: each hole then has a depth of its own.
 """
 
 from __future__ import annotations
@@ -38,6 +39,39 @@ def bore_plugs(program: Program, solid: Manifold, deadline: Deadline = NEVER) ->
         while trial := next((t for t in _trials(program, together) if not deadline.has_passed() and is_as_near(t, program, solid)), None):
             program = trial
     return program
+
+
+def part_holes(program: Program, solid: Manifold, deadline: Deadline = NEVER) -> Program:
+    """`program` with two holes in place of each that a rod of its width plugs somewhere between its ends, where the target `solid` allows
+    it. Both are in one frame, and time is as for `bore_plugs`."""
+    while trial := next((t for t in _parted(program) if not deadline.has_passed() and is_as_near(t, program, solid)), None):
+        program = trial
+    return program
+
+
+def _parted(program: Program) -> Iterator[Program]:
+    """The program with one of its holes that have a rod in them parted by it."""
+    found, size = leaf_paths(program), longest(leaves(program))
+    rods = [(path, leaf) for path, leaf in found if leaf.kind == "cylinder" and polarity(program, path) > 0]
+    holes = [(path, leaf) for path, leaf in found if leaf.kind == "cylinder" and polarity(program, path) < 0]
+    for at, rod in rods:
+        for place, hole in holes:
+            if not _is_plugged(hole, rod, NEAR * size):
+                continue
+            along = np.asarray(axes(hole)[2])
+            middle, reach = float(np.subtract(rod.center, hole.center) @ along), hole.size[1] / 2
+            low, high = middle - rod.size[1] / 2, middle + rod.size[1] / 2
+            rest = without(program, {at, place})
+            if rest is None or low <= -reach + TOUCH * size or high >= reach - TOUCH * size:
+                continue
+            ends = (_piece(hole, along, -reach, low), _piece(hole, along, high, reach))
+            yield combine_all("difference", [rest, *ends])
+
+
+def _piece(hole: Primitive, along: np.ndarray, low: float, high: float) -> Primitive:
+    """A hole between two levels of its axis, from its middle."""
+    middle = np.asarray(hole.center) + (low + high) / 2 * along
+    return replace(hole, size=(hole.size[0], high - low), center=tuple(middle.tolist()))
 
 
 class _Plug(NamedTuple):
