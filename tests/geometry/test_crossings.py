@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from tests.planted import box, cut, cylinder
 
-from imdim.geometry.crossings import sort_columns
+from imdim.geometry.crossings import ENTRIES, sort_columns
 from imdim.geometry.solid import to_manifold, to_trimesh
 
 OBLIQUE = np.array([0.48, 0.60, 0.64])
@@ -49,7 +49,7 @@ def test_embree_counts_the_same():
 def test_long_triangles_do_not_fill_every_column():
     mesh = trimesh.creation.cylinder(1.0, 200.0, sections=4000)
     sorted_columns = columns(mesh, OBLIQUE)
-    assert len(sorted_columns.members) <= 24 * len(mesh.faces)
+    assert len(sorted_columns.members) <= ENTRIES * len(mesh.faces)
     assert sorted_columns.count_above(np.zeros((1, 3))) == 1
 
 

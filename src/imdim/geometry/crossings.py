@@ -14,8 +14,8 @@ from numba import njit
 
 from imdim.shares import by_shares
 
-ENTRIES = 24  # columns a triangle may lie in, on average
-COLUMNS = 4.0  # for each triangle, where they are small
+ENTRIES = 128  # columns a triangle may lie in, on average
+COLUMNS = 8.0  # for each triangle, where they are small
 MOST_COLUMNS = 2**20
 
 
@@ -24,7 +24,8 @@ class RayColumns:
     """Triangles of a mesh in a grid across a direction.
 
     `frame` [3, 3] has two rows across the direction and the direction; `corners` [k, 9] are in it, less `center` and times `scale`.
-    Column (i, j) of `side` x `side` over the square from -1/2 to 1/2 owns ``members[starts[i * side + j]:starts[i * side + j + 1]]``.
+    Column (i, j) of `side` x `side` over the square from -1/2 to 1/2 owns ``members[starts[i * side + j]:starts[i * side + j + 1]]``. The
+    triangles stand by how high they reach, highest first, and so do the members of a column.
     """
 
     frame: np.ndarray
@@ -48,6 +49,8 @@ def sort_columns(triangles: np.ndarray, direction: np.ndarray) -> RayColumns:
     low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
     center, scale = (low + high) / 2, float(1 / max(np.linalg.norm(high - low), 1e-300))
     corners = np.ascontiguousarray(((triangles - center) * scale) @ frame.T)
+    # what is below a query ends the look into its column
+    corners = corners[np.argsort(-corners[:, :, 2].max(axis=1), kind="stable")]
     low, high = corners[:, :, :2].min(axis=1), corners[:, :, :2].max(axis=1)
     side = _choose_side(low, high)
     first, last = _column(low, side), _column(high, side)
@@ -103,7 +106,7 @@ def _count_above(corners, side, starts, members, queries):  # pragma: no cover -
         for row in range(starts[cell], starts[cell + 1]):
             c = corners[members[row]]
             if max(c[2], c[5], c[8]) <= z:
-                continue
+                break
             odd = _is_left(c[0], c[1], c[3], c[4], x, y) != _is_left(c[3], c[4], c[6], c[7], x, y)
             if odd != _is_left(c[6], c[7], c[0], c[1], x, y) and _height(c, x, y) > z:
                 out[q] += 1
