@@ -197,3 +197,17 @@ def test_an_ellipse_alone_is_read_as_a_circle_is() -> None:
     plate, round_hole = box(1.0, 0.8, 0.1), cylinder(0.2, 0.1)
     oval = Primitive("extrude", (0.1,), outline=Outline((Ellipse(0.3, 0.2),)))
     assert reading_length(cut(plate, oval), -half, half) == reading_length(cut(plate, round_hole), -half, half) + 1
+
+
+@pytest.mark.parametrize(("steps", "is_read"), [(9, True), (30, False)])
+def test_more_than_two_dozen_features_stand_for_no_drawing(steps: int, is_read: bool) -> None:
+    """Though there is less to read in them: blocks of a stair whose treads are rounded, each of another height."""
+    heights = [0.02 * (k + 1) ** 1.3 for k in range(steps)]
+    blocks = [box(0.1, 0.2, h, (0.1 * k, 0.0, h / 2)) for k, h in enumerate(heights)]
+    around = [(x, h, 0.1) for k, h in enumerate(heights) for x in (0.1 * k - 0.05, 0.1 * k, 0.1 * k + 0.05)]
+    ends = ((0.1 * steps - 0.05, 0.0, 0.0), (-0.05, 0.0, 0.0))
+    drawn = Primitive("extrude", (0.2,), outline=Outline(((*around, *ends),)))
+    low, high = np.array([-0.05, -0.1, 0.0]), np.array([0.1 * steps, 0.1, heights[-1]])
+    plain = combine_all("union", blocks)
+    assert reading_length(plain, low, high) < 0.85 * reading_length(drawn, low, high)
+    assert is_hardly_longer(plain, drawn, low, high) is is_read
