@@ -2,8 +2,9 @@
 
 A tessellated CAD face has its vertices on the true surface, so the test is strict: a facet belongs to a carrier when all its corners
 lie on it and its normal follows the carrier's. Hypotheses come from a seed facet with its smooth neighbours (two strips fix a
-cylinder, three facets a cone, a ring of facets a sphere or torus); the kind that explains the largest area wins. A sphere's
-band of latitude is also an exact cone: area decides that too. What no curved carrier explains is flat.
+cylinder, three facets a cone, a ring of facets a sphere or torus, a band and what is beside it a torus); the kind that explains the
+largest area wins. A sphere's band of latitude is also an exact cone, and so is a torus's: area decides that too, and what lies on the
+carrier of a larger patch is a part of that in the end. What no curved carrier explains is flat.
 """
 
 from __future__ import annotations
