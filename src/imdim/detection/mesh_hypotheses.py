@@ -58,12 +58,18 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
                 out += [(0.9, s) for s in (found,) if s and lies_on(s, chosen, NEAR_CUTS * facets.diagonal)]
         if len(ring) >= 8:
             out.append((0.95, _fit_freely("torus", points.tobytes(), point_normals.tobytes(), 15)))
-    # facets of a cone in several rings are no strips, whose planes would meet in its apex
+    return out
+
+
+def cone_in_rings(seed: int, state: Growing) -> Iterator[Surface]:
+    """A guess of the cone around a seed facet, if any: where it is in several rings of facets, these are no strips, whose planes would meet
+    in its apex."""
+    facets = state.facets
+    alike = [n for n in state.neighbours[seed] if state.free[n] and 0.02 < facets.areas[n] / facets.areas[seed] < 50]
     gentle = ring_of(seed, alike, state, 30, GENTLE)
     if len(gentle) >= 8:
         points, point_normals = _corner_normals(facets, gentle)
-        out.append((1.0, _fit_freely("cone", points.tobytes(), point_normals.tobytes(), 15)))
-    return out
+        yield _fit_freely("cone", points.tobytes(), point_normals.tobytes(), 15)
 
 
 def tori_along(band: Surface, members: np.ndarray, state: Growing) -> Iterator[Surface]:

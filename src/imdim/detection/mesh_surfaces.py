@@ -20,11 +20,12 @@ from imdim.deadline import NEVER, Deadline
 from imdim.detection.chord_corners import onto_corners
 from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, facets_of, points_of
 from imdim.detection.fit_ellipsoid import DRAWN, level_axes
-from imdim.detection.mesh_hypotheses import hypotheses, ring_of, tori_along
+from imdim.detection.mesh_hypotheses import cone_in_rings, hypotheses, ring_of, tori_along
 from imdim.detection.mesh_support import members_of, sagitta, settle
 from imdim.geometry.rows import dot_rows
-from imdim.geometry.surface import CLOSED_KINDS, Patch, Surface, normals, vec
+from imdim.geometry.surface import CLOSED_KINDS, Patch, Surface, normals, signed_distance, vec
 
+DRAWN_ON = 1e-5  # of the diagonal
 FLAT_ACROSS = 1e-4  # sine, by which normals leave a plane
 
 
@@ -123,24 +124,34 @@ def _grow_from(seed: int, state: Growing) -> tuple[Surface, np.ndarray] | None:
     around = ring_of(seed, state.neighbours[seed], state, 12)
     found: list[tuple[float, Surface, np.ndarray]] = []
 
-    def try_out(preference: float, guess: Surface) -> None:
+    def try_out(preference: float, guess: Surface, drawn: bool = False) -> None:
         # most guesses fail where they were made, which is far cheaper to see than over the whole mesh
         settled = _settle_curved(guess, state) if len(members_of(guess, state, 5.0, around)) > 1 else None
-        if settled is not None and seed in settled[1]:
-            found.append((float(state.facets.areas[settled[1]].sum()) * preference, *settled))
+        if settled is None or seed not in settled[1] or (drawn and not _is_drawn(*settled, state.facets)):
+            return
+        found.append((float(state.facets.areas[settled[1]].sum()) * preference, *settled))
 
     for preference, guess in hypotheses(seed, state):
         try_out(preference, guess)
+    for cone in cone_in_rings(seed, state):
+        try_out(1.0, cone, drawn=True)
     for kind in ("cone", "cylinder"):
         bands = [one for one in found if one[1].kind == kind]
         if bands:
             for torus in tori_along(*max(bands, key=_first)[1:], state):
-                try_out(1.0, torus)
+                try_out(1.0, torus, drawn=True)
     return max(found, key=_first)[1:] if found else None
 
 
 def _first(found: tuple[float, Surface, np.ndarray]) -> float:
     return found[0]
+
+
+def _is_drawn(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
+    """Whether most corners of facets lie on a surface to the digits of a file, as those of a drawn face do: within the tolerance any smooth
+    face is for a while a cone, and a torus."""
+    off = np.abs(signed_distance(surface, points_of(facets, members)))
+    return float(np.median(off)) < DRAWN_ON * facets.diagonal
 
 
 def _settle_curved(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
