@@ -34,7 +34,11 @@ def test_a_long_program_of_a_mesh_leaves_time_for_its_files(monkeypatch):
 def test_a_long_program_leaves_time_for_booleans_that_are_done_again(monkeypatch):
     monkeypatch.setattr(delivery_time, "time_solid", lambda *_: 0.5)
     fit_by, end, many = Deadline(40.0, lambda: 5.0), Deadline(60.0, lambda: 5.0), union(*(box(1, 1, 1, (2.0 * i, 0, 0)) for i in range(36)))
-    beyond = delivery_time.SOLIDS * 0.5 + 36 * delivery_time.LEAF_S - (20.0 - delivery_time.STEP_S - delivery_time.AGAIN_S)
+    beyond = (
+        delivery_time.SOLIDS * 0.5
+        + 36 * delivery_time.LEAF_S
+        - (20.0 - delivery_time.STEP_S - delivery_time.AGAIN_S - 16 * delivery_time.EACH_S)
+    )
     assert leave_time_for_files(many, fit_by, end).left() == pytest.approx(35.0 - beyond)
 
 
@@ -48,4 +52,6 @@ def test_a_search_leaves_time_to_fit_what_is_slow_to_make_but_keeps_half_of_its_
 def test_the_files_of_a_long_program_take_longer():
     few, many = (union(*(box(1, 1, 1, (2.0 * i, 0, 0)) for i in range(count))) for count in (12, 36))
     assert time_to_write(few) == delivery_time.FILES_S
-    assert time_to_write(many) == pytest.approx(delivery_time.FILES_S + delivery_time.AGAIN_S + 16 * delivery_time.MORE_S)
+    assert time_to_write(many) == pytest.approx(
+        delivery_time.FILES_S + delivery_time.AGAIN_S + 16 * (delivery_time.EACH_S + delivery_time.MORE_S)
+    )

@@ -29,8 +29,7 @@ GENTLE = math.cos(math.radians(20.0))  # between facets of one piece of a cone; 
 def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
     """Guesses through the seed with a preference factor; simple kinds win ties."""
     facets, out = state.facets, []
-    near = [n for n in state.neighbours[seed] if state.free[n]]
-    alike = [n for n in near if 0.02 < facets.areas[n] / facets.areas[seed] < 50]
+    near, alike = _free_beside(seed, state)
     for other in sorted(alike, key=lambda n: -facets.areas[n])[:4]:
         out.append((1.02, _cylinder_through(facets, np.array([seed, other]))))
     ring = ring_of(seed, alike, state, 30)
@@ -61,14 +60,19 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
     return out
 
 
+def _free_beside(seed: int, state: Growing) -> tuple[list[int], list[int]]:
+    """The free smooth neighbours of a seed facet, and those of like size."""
+    areas, near = state.facets.areas, [n for n in state.neighbours[seed] if state.free[n]]
+    return near, [n for n in near if 0.02 < areas[n] / areas[seed] < 50]
+
+
 def cone_in_rings(seed: int, state: Growing) -> Iterator[Surface]:
     """A guess of the cone around a seed facet, if any: where it is in several rings of facets, these are no strips, whose planes would meet
     in its apex."""
-    facets = state.facets
-    alike = [n for n in state.neighbours[seed] if state.free[n] and 0.02 < facets.areas[n] / facets.areas[seed] < 50]
+    _, alike = _free_beside(seed, state)
     gentle = ring_of(seed, alike, state, 30, GENTLE)
     if len(gentle) >= 8:
-        points, point_normals = _corner_normals(facets, gentle)
+        points, point_normals = _corner_normals(state.facets, gentle)
         yield _fit_freely("cone", points.tobytes(), point_normals.tobytes(), 15)
 
 

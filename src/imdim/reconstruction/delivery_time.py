@@ -20,7 +20,8 @@ OWN = 0.5  # of the time that a search has left, which it keeps
 # seconds that the shares leave of a noisy cloud in any case before numbers are fitted, and from then on
 ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0
 STEP_S = 7.0  # which a STEP file takes beyond what is counted
-AGAIN_S = 6.0  # more for that of a long program: the booleans of two in four went wrong at once, and were done again
+AGAIN_S, EACH_S = 6.0, 0.15  # more for that of a long program, and for each of its primitives beyond a few: the booleans of two in four
+# went wrong at once, and were done again
 FILES_S, MORE_S, FEW = 7.0, 0.6, 20  # for the files of a finished program, STEP among them, and for those of each primitive beyond a few
 
 
@@ -53,4 +54,5 @@ def leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float
 
 
 def _again_s(program: Program) -> float:
-    return AGAIN_S if count(program).primitives > FEW else 0.0
+    more = count(program).primitives - FEW
+    return AGAIN_S + EACH_S * more if more > 0 else 0.0
