@@ -294,9 +294,9 @@ def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float) -> Bl
     bevel = _bevel(whole, pieces, order, SMALLEST * diagonal)
     if bevel is None:
         return None
-    width, is_rim = _across(whole, order), _is_rim(bevel)
+    width, is_rim = _across(whole, order), _is_even(bevel) and bevel.outside > 0 and _is_rim(bevel)
     shorter, longer = sorted(whole.beside[i].length for i in order)
-    # the flat end of a pin is what its chamfer leaves, and a bore may leave even less of it
+    # the flat end of a pin is what its even chamfer leaves, and a bore may leave even less of it; an uneven cone is a shape of its own
     room = math.inf if is_rim else min(LARGEST * diagonal, *(min(_width(pieces[i]), NARROW * math.sqrt(pieces[i].area)) for i in order))
     if width >= room or shorter < max(LONG * width, BESIDE * longer):
         return None
@@ -439,8 +439,13 @@ def _is_rim(blend: Blend) -> bool:
     is_centred = np.linalg.norm(np.cross(tube.axis, np.asarray(blend.carrier.point) - tube.point)) < LIKE * tube.sizes[0]
     radii = np.linalg.norm(np.cross(tube.axis, blend.corners - tube.point), axis=1)
     # wider ones are countersinks, and tips; a pin's end may have less left of it where its chamfer is an even one
-    is_pins_end = abs(radii.max() / tube.sizes[0] - 1) < LIKE and max(blend.sizes) < (1 + LIKE) * min(blend.sizes)
+    is_pins_end = abs(radii.max() / tube.sizes[0] - 1) < LIKE and _is_even(blend)
     return is_square and bool(is_centred) and bool(radii.max() < (BLUNT if is_pins_end else SUNK) * radii.min())
+
+
+def _is_even(blend: Blend) -> bool:
+    """Whether it goes as far along one side as along the other."""
+    return max(blend.sizes) < (1 + LIKE) * min(blend.sizes)
 
 
 def _rim_sizes(rim: Blend) -> tuple[float, float]:
