@@ -4,7 +4,8 @@ RESULTS holds results folders, of benchmark.py or of `imdim fit`, named as their
 `surface_parameters`: for `cylinder_radius`, `cone_half_angle_deg`, `torus_major_minor` and `sphere_radius` how many faces have each size.
 They are the bores, bosses, fillets and round chamfers of the part; what `operations_in_script` says was drawn as a fillet or a chamfer is
 told beside them. A size of the truth is found where a face of the kind has it within `RIGHT`; a size that no true face has is strange.
-Round faces of the truth that are themselves facets or splines are not in it, so that strange ones may be right.
+Round faces of the truth that are themselves facets or splines are not in it, so that strange ones may be right. A part without a STEP file
+has lost all of its sizes; one without a folder is named, and counts nowhere.
 """
 
 from __future__ import annotations
@@ -33,34 +34,32 @@ def main() -> int:
     parts: Mapping[str, Any] = json.loads(args.truth.read_text(encoding="utf-8"))["parts"]
     total: Counter[str] = Counter()
     for name, truth in sorted(parts.items()):
-        folder = args.results / name
-        if not (folder / "program.json").is_file():
+        if not (args.results / name).is_dir():
+            print(f"{name}: not in {args.results}")
             continue
         drawn = {kind: count for kind, count in truth["operations_in_script"].items() if kind in BLENDS}
         try:
-            shape = read_step(folder / "program.step")
-        except StepError:
-            print(f"{name}: no STEP")
-            continue
-        found = list(round_faces(shape))
+            shape = read_step(args.results / name / "program.step")
+            found, count = set(round_faces(shape)), len(list(faces_of(shape)))
+        except StepError:  # then all of its sizes are lost
+            found, count = set[tuple[str, Sizes]](), 0
         sizes = [(kind, tuple(map(float, size.split("/")))) for kind, each in truth["surface_parameters"].items() for size in each]
         lost = [(kind, size) for kind, size in sizes if not any(is_one(kind, size, other) for other in found)]
         strange = {other for other in found if not any(is_one(kind, size, other) for kind, size in sizes)}
-        own = Counter({"parts": 1, "sizes": len(sizes), "found": len(sizes) - len(lost), "strange": len(strange), "own": len(set(found))})
-        own["faces"], own["true faces"] = len(list(faces_of(shape))), truth["faces"]
-        told = " ".join(f"{kind}s {count}" for kind, count in drawn.items())
-        print(f"{name}: {own['found']} of {len(sizes)}, {len(strange)} of {len(set(found))} strange {told}")
+        own = Counter({"parts": 1, "sizes": len(sizes), "found": len(sizes) - len(lost), "strange": len(strange), "own": len(found)})
+        own["files"], own["faces"], own["true faces"] = int(count > 0), count, truth["faces"]
+        told = "".join(f", {kind}s {times}" for kind, times in drawn.items())
+        print(f"{name}: {'' if count else 'no STEP, '}{own['found']} of {len(sizes)}, {len(strange)} of {len(found)} strange{told}")
         for said, some in (("lost", lost), ("strange", sorted(strange))):
             if some:
                 print(f"    {said}: " + ", ".join(f"{kind.split('_')[0]} {'/'.join(f'{v:.5g}' for v in size)}" for kind, size in some))
         total += own + Counter({f"{key} of blended": value for key, value in own.items() if drawn})
     for whose in ("", " of blended"):
-        n = {key: total[key + whose] for key in ("parts", "sizes", "found", "strange", "own", "faces", "true faces")}
+        n = {key: total[key + whose] for key in ("parts", "files", "sizes", "found", "strange", "own", "faces", "true faces")}
         which = "parts with fillets or chamfers in their script" if whose else "parts"
-        print(
-            f"{n['parts']} {which}: {n['found']} of {n['sizes']} sizes ({n['found'] / max(n['sizes'], 1):.3f}), {n['strange']} of "
-            f"{n['own']} strange, {n['faces']} faces for {n['true faces']}"
-        )
+        share = n["found"] / max(n["sizes"], 1)
+        print(f"{n['parts']} {which}, {n['files']} with STEP: {n['found']} of {n['sizes']} sizes ({share:.3f}), ", end="")
+        print(f"{n['strange']} of {n['own']} strange, {n['faces']} faces for {n['true faces']}")
     return 0
 
 

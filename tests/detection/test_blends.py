@@ -137,6 +137,16 @@ def test_a_pins_point_is_none(sizes: tuple[float, ...]) -> None:
     assert find_chains(meshed(Primitive("cylinder", (7.0, 14.0)), EdgeFeature("chamfer", sizes, PIN_ENDS))) == []
 
 
+def test_the_cone_at_a_bosss_foot_and_in_its_mouth_are_shapes_of_their_own() -> None:
+    """As wide and as steep as these nobody draws chamfers."""
+    foot = 12.0
+    plate, boss = Primitive("box", (80.0, 60.0, 8.0)), Primitive("cylinder", (18.0, 36.0), (0.0, 0.0, 14.0))
+    skirt = Primitive("cone", (24.0, 18.0, foot), (0.0, 0.0, 4.0 + foot / 2))
+    bore, mouth = Primitive("cylinder", (10.0, 60.0)), Primitive("cone", (10.0, 14.0, 8.0), (0.0, 0.0, 29.0))
+    part = Combine("difference", Combine("difference", Combine("union", Combine("union", plate, boss), skirt), bore), mouth)
+    assert find_chains(to_trimesh(to_manifold(part, 96))) == []
+
+
 @pytest.mark.parametrize("flats", [10.7, 9.0])
 def test_a_chamfer_that_flats_have_cut_comes_off(flats: float) -> None:
     """Its border on a flat ends on that, and not where the round wall would have been."""

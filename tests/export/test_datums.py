@@ -163,3 +163,20 @@ def clip(reach: float = 38.0) -> Program:
 
 def test_an_ear_whose_foot_is_hidden_in_a_ring_reaches_so_far_from_its_middle() -> None:
     assert Edited(clip()).is_now(clip(reach=41.0), block_x=41.0)
+
+
+def lug(length: float = 65.0, depth: float = 29.25) -> Program:
+    """Drilled from both ends, with a wall between, and through its foot on either side."""
+    drills = [Primitive("cylinder", (2.75, depth), (0.0, s * (length - depth) / 2, 0.0), (90.0, 0.0, 0.0)) for s in (1, -1)]
+    feet = [Primitive("cylinder", (3.25, 14.0), (0.0, s * 18.5, -10.0)) for s in (1, -1)]
+    return cut(box(24.5, length, 27.0), *drills, *feet)
+
+
+def test_holes_that_meet_head_on_have_a_depth_and_no_distance() -> None:
+    part = Edited(lug())
+    assert not [value for value in part.values.values() if value == pytest.approx(65.0 - 29.25)]
+    (depth,) = (name for name, value in part.values.items() if value == pytest.approx(29.25))
+    assert depth.endswith("depth")
+    (length,) = (name for name, value in part.values.items() if value == pytest.approx(65.0))
+    assert part.is_now(lug(length=71.5), **{length: 71.5})
+    assert part.is_now(lug(depth=25.0), **{depth: 25.0})

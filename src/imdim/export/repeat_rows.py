@@ -83,7 +83,10 @@ def _add_mirror(system: LinearSystem, repeat: Repeat, first: int, own: int, part
         elif j:
             system.rows.append({image: 1.0, source: 1.0, 6 * (first + own) + 3 + a: -1.0, 6 * first + 3 + a: -1.0})
         apart = system.start[image] - system.start[source]
-        if a == axis and abs(apart) > ZERO * system.length:
+        leaf = parts[first + j]
+        # how deep two bores are that meet head on is measured, and not how far apart their middles are
+        is_bore = sign[first + j] < 0 and leaf.kind == "cylinder" and world_axis(axes(leaf)[2]) == axis
+        if a == axis and abs(apart) > ZERO * system.length and not is_bore:
             key = round(abs(apart) / system.length, 9)
             spacing = spacings[key] if key in spacings else spacings.setdefault(key, system.new(first + j, "spacing", abs(apart)))
             system.rows.append({image: 1.0, source: -1.0, spacing: -math.copysign(1.0, apart)})
