@@ -83,7 +83,7 @@ def test_a_turned_part_in_noise_is_one_outline_unless_csg_is_asked_for():
     truth = Primitive("revolve", (360.0,), (3.0, -2.0, 5.0), (90.0, 0.0, 0.0), NOZZLE)
     seen, frame = seen_of(cloud(truth, 0.005, n=350, outliers=0.02))
     start = [Primitive("box", (0.1, 0.1, 0.1))]
-    drawn = frame.undo(most_likely(start, seen, *both_after(4 * LOOKS), drawn=True, anew=False).program)
+    drawn = frame.undo(most_likely(start, seen, NEVER, drawn=True, anew=False).program)
     plain = most_likely(start, seen, *both_after(LOOKS), drawn=False).program
     early = most_likely(start, seen, *both_after(LOOKS), drawn=True).program
     assert [leaf.kind for leaf in leaves(drawn)] == ["revolve"]
