@@ -9,26 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 import torch
 import trimesh
 
 ROOT = Path(__file__).parents[2]
-# of one process, where torch takes longer to load than both of these take
-DATA_AND_TRAINING = """
-import sys
-from pathlib import Path
-
-from imdim.app.learning import run
-from imdim.data.folder import FolderConfig, chunks, claim, write_chunk
-from imdim.data.synthesize import SynthesisConfig
-
-data = FolderConfig("data", 20, 10, 5, SynthesisConfig(volume_samples=256, gt_points=64))
-claim(data)
-for chunk in chunks(data):
-    write_chunk(data, chunk, Path(data.out) / chunk.split)
-sys.exit(run("pretrain", sys.argv[2:], Path(sys.argv[1]), print))
-"""
 
 
 def run(command: list[str], cwd: Path, hashing: str) -> None:
@@ -67,22 +51,17 @@ def test_a_fit_gives_the_same_files_and_the_same_report_but_for_times(tmp_path):
     assert {name: files[0][name] for name in names} == {name: files[1][name] for name in names}
 
 
-@pytest.fixture(scope="module")
-def learned(tmp_path_factory):
-    """Two places with a data set and a training run of the same settings."""
-    settings = ["experiment=seed", "out=run", "max_minutes=0", "epochs=2", "samples_per_epoch=16", "batch_size=8", "workers=0", "n_val=8"]
+def test_a_data_set_has_the_same_bytes(tmp_path):
+    settings = ["out=data", "n_train=20", "n_val=10", "seed=5", "synthesis.volume_samples=256", "synthesis.gt_points=64"]
+    one, two = twice(tmp_path, [str(ROOT / "scripts" / "make_dataset.py"), *settings])
+    assert len(digests(one)) == 31
+    assert digests(one) == digests(two)
+
+
+def test_training_on_a_cpu_has_the_same_bytes(tmp_path):
+    settings = ["experiment=seed", "out=run", "max_minutes=0", "epochs=2", "samples_per_epoch=32", "batch_size=8", "workers=0", "n_val=8"]
     settings += ["n_measure=2", "measure_every=2", "synthesis.volume_samples=256", "synthesis.gt_points=64", "synthesis.cur_points=32"]
-    return twice(tmp_path_factory.mktemp("learned"), ["-c", DATA_AND_TRAINING, str(ROOT / "configs"), *settings])
-
-
-def test_a_data_set_has_the_same_bytes(learned):
-    one, two = (digests(place / "data") for place in learned)
-    assert len(one) == 31
-    assert one == two
-
-
-def test_training_on_a_cpu_has_the_same_bytes(learned):
-    one, two = learned
+    one, two = twice(tmp_path, [str(ROOT / "pretrain.py"), *settings])
     assert (one / "run" / "best.safetensors").read_bytes() == (two / "run" / "best.safetensors").read_bytes()
     states = [torch.load(place / "run" / "state.pt", weights_only=True) for place in (one, two)]
     for part in ("policy", "average"):

@@ -146,13 +146,13 @@ from imdim.reconstruction.config import Settings
 from imdim.target.target import target_from
 from imdim.reconstruction.pipeline import reconstruct
 from imdim.program.codec import dumps
-*_, last = reconstruct(target_from(mesh_of(PARTS["L bracket"])), Settings(), np.random.default_rng(0))
+*_, last = reconstruct(target_from(mesh_of(PARTS["bored ball"])), Settings(), np.random.default_rng(0))
 print(dumps(last.program))
 """
 
 
 def test_the_same_seed_gives_the_same_bytes():
-    here = dumps(reconstructed("L bracket")[-1].program)
+    here = dumps(reconstructed("bored ball")[-1].program)
     fresh = subprocess.run([sys.executable, "-c", SEEDED], capture_output=True, text=True, check=True, cwd=ROOT)
     assert fresh.stdout.strip() == here.strip()
 
