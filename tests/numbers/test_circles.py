@@ -137,3 +137,32 @@ def test_a_circle_stands_at_a_round_angle(flipped: bool) -> None:
     out = list(leaves(round_circles(turned(10.002, 9), turned(10.002, 2), lambda trial: True)))[1:]
     angles = sorted(math.degrees(math.atan2(leaf.center[1] - 4.0, leaf.center[0] - 3.0)) % 72.0 for leaf in out)
     assert angles == pytest.approx([10.0] * 5, abs=1e-9)
+
+
+def tabs(inner: float, outer: float, digits: int = 9) -> Program:
+    """A disc with eight tabs about it, which reach from one distance to another."""
+    out: list[Program] = [DISC]
+    for k in range(8):
+        angle, middle = math.pi * k / 4, (inner + outer) / 2
+        at = (round(3.0 + middle * math.cos(angle), digits), round(4.0 + middle * math.sin(angle), digits), 2.5)
+        out.append(Primitive("box", (round(outer - inner, digits), 4.0, 2.0), at, (0.0, 0.0, math.degrees(angle))))
+    return combine_all("union", out)
+
+
+@pytest.mark.parametrize(
+    ("inner", "outer", "precision", "expected"),
+    [
+        (19.897, 27.84, 1e-6, (None, 27.84)),  # the outer end was typed, the inner one is where its edges meet the disc
+        (19.897, 27.841237, 1e-6, (19.897, None)),
+        (20.0, 27.84, 1e-6, (20.0, 27.84)),  # so was the middle
+        (19.897, 27.84, 0.0, None),  # nobody knows how well places are measured: the roundest
+    ],
+)
+def test_typed_ends_of_tabs_stay(inner: float, outer: float, precision: float, expected: tuple[float | None, ...] | None) -> None:
+    out = list(leaves(round_circles(tabs(inner, outer), tabs(inner, outer, 2), lambda trial: True, precision)))[1:]
+    middle, length = math.dist(out[0].center[:2], DISC.center[:2]), out[0].size[0]
+    if expected is None:
+        assert middle == pytest.approx(24.0, abs=0.2)
+    for end, found in zip(expected or (), (middle - length / 2, middle + length / 2), strict=False):
+        assert end is None or found == pytest.approx(end, abs=1e-9)
+    assert len({round(math.dist(leaf.center[:2], DISC.center[:2]), 9) for leaf in out}) == 1

@@ -8,7 +8,9 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from imdim.numbers.design_values import grids, round_to_grid
+import numpy as np
+
+from imdim.numbers.design_values import RARE, coarsest_widths, grids, round_to_grid
 from imdim.numbers.inches import are_inches
 from imdim.program.motions import is_round, move_leaf, turn
 from imdim.program.patterns.detect import extent, fold_repeats
@@ -23,11 +25,12 @@ STEPS_DEG, MOST_TURNED = (15.0, 5.0, 1.0, 0.5), 1e-4  # of it: by how far a circ
 ON_AXIS = 1e-6  # of it, within which an axis is that of another leaf
 
 
-def round_circles(before: Program, after: Program, bears: Callable[[Program], bool]) -> Program:
+def round_circles(before: Program, after: Program, bears: Callable[[Program], bool], precision: float = 0.0) -> Program:
     """`after`, which is `before` with rounder numbers, with the circles, slanting rows and slanting grids that this parted.
 
     The copies of one leaf on a circle have its sizes again and stand about one centre at one distance, the roundest that `bears`; those of
-    a row or grid stand where they stood. What bears none stays parted.
+    a row or grid stand where they stood. What bears none stays parted. A distance that is typed, as far as the `precision` of a mesh says,
+    stays: that of the members, or of the ends of boxes that reach along their arm.
     """
     folding = fold_repeats(before)
     size = extent(before)
@@ -42,7 +45,8 @@ def round_circles(before: Program, after: Program, bears: Callable[[Program], bo
         if not slants and _stand_on_one(repeat, old, new, members, size):
             continue
         widths = grids(size, FINEST * size, are_inches(old))
-        for trial in [_row(repeat, old, new, members)] if slants else _circles(repeat, old, new, members, size, widths):
+        circles = () if slants else _circles(repeat, old, new, members, size, widths, precision)
+        for trial in [_row(repeat, old, new, members)] if slants else circles:
             whole = replace_leaves(after, trial)
             if whole == after or bears(whole):
                 after = whole
@@ -51,7 +55,13 @@ def round_circles(before: Program, after: Program, bears: Callable[[Program], bo
 
 
 def _circles(
-    repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tuple[int, ...], size: float, widths: Sequence[float]
+    repeat: Repeat,
+    old: list[Primitive],
+    new: list[Primitive],
+    members: tuple[int, ...],
+    size: float,
+    widths: Sequence[float],
+    precision: float,
 ) -> Iterator[dict[int, Primitive]]:
     """The members by their numbers, at the roundest angle first, and of these with the roundest radius."""
     hub = _hub(repeat, old, new, members, size)
@@ -65,9 +75,10 @@ def _circles(
     arm = minus(old[members[first]].center, repeat.point)
     arm = minus(arm, times(repeat.axis, dot(arm, repeat.axis)))
     radius = math.hypot(*arm)
+    held = _typed_radius(was, leaf, times(arm, 1 / radius), radius, widths, precision) if precision and radius else None
+    radii = [round_to_grid(radius, grid) for grid in widths] if held is None else [held]
     for turned in dict.fromkeys((_angle_to_step(arm, repeat.axis, radius, size), 0.0)):
-        for grid in (*widths, 0.0):
-            rounded = round_to_grid(radius, grid) if grid else radius
+        for rounded in (*radii, radius):
             if abs(rounded - radius) <= MOST * size:
                 # copies that are turned about their own middle have no arm
                 placed = replace(leaf, center=plus(plus(hub, lift), times(arm, rounded / radius if radius else 0.0)))
@@ -75,6 +86,21 @@ def _circles(
                 placed = there if is_turned else replace(placed, center=there.center)
                 angles = (repeat.angle * (k - first) for k in range(len(members)))
                 yield {i: move_leaf(placed, turn(hub, repeat.axis, angle)) for i, angle in zip(members, angles, strict=True)}
+
+
+def _typed_radius(was: Primitive, now: Primitive, way: Vec3, radius: float, widths: Sequence[float], precision: float) -> float | None:
+    """The radius on which copies of a leaf `now` stand, one `way` from their centre, if that is a number typed as it `was`, or that of an
+    end of a box is; None where neither is on a grid far wider than the `precision`. The ends of a tab are seen, or one of them is."""
+    typed = [width for width in widths if width >= RARE * precision]
+    along = [a for a, axis in enumerate(axes(was)) if was.kind == "box" and abs(dot(axis, way)) > 1 - ON_AXIS]
+    half = was.size[along[0]] / 2 if along and now.rotation == was.rotation else 0.0
+    middle, *ends = coarsest_widths(np.array([radius, radius + half, radius - half]), typed, precision)
+    if middle:
+        return round_to_grid(radius, middle)
+    if not any(ends):
+        return None
+    side = 1 if ends[0] >= ends[1] else -1
+    return round_to_grid(radius + side * half, max(ends)) - side * now.size[along[0]] / 2
 
 
 def _is_as_turned(a: Primitive, b: Primitive, slack: float) -> bool:

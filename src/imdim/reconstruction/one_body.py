@@ -26,6 +26,7 @@ from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.finish.parted import part_bodies
 from imdim.geometry.finish.plugs import bore_plugs, part_holes
 from imdim.geometry.finish.rails import part_at_posts
+from imdim.geometry.finish.round_feet import begin_in_round_walls
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.turned_feet import stand_on_faces
 from imdim.geometry.finish.webs import draw_webs
@@ -272,6 +273,7 @@ def _round(program: Program, seen: Observation, frame: Frame, deadline: Deadline
     stood = preserve(flat, stack_turned_parts(flat), deadline=deadline)
     if (solid := _solid_in(seen, frame)) is not None:
         stood = stand_on_faces(stood, solid, deadline)
+    stood = begin_in_round_walls(stood, deadline)
     return rounded if stood == flat else _snap(stood, seen, frame, deadline, placed)
 
 

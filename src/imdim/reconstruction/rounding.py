@@ -185,7 +185,7 @@ class _Rounding:
         def bears(trial: Program) -> bool:
             return self._bears(trial, caution) and self.distance(trial) <= most
 
-        out = round_circles(self.plain, out, bears)
+        out = round_circles(self.plain, out, bears, self.precision)
         parted = find_parted_axes(list(leaves(self.plain)), list(leaves(out)), SAME_SIZE * longest(leaves(out)))
         return accept_changes(out, list(parted), lambda trial, change: replace_leaves(trial, dict([change])), bears, SNAP_TRIES)
 
