@@ -45,3 +45,10 @@ def test_half_of_the_places_on_the_grid_keep_their_origin() -> None:
     half = [0.0, 5.0, 12.0, 20.0]
     moved = [place + OFF for place in (25.0, 29.5, 33.0, 41.5)]
     assert find_offset(rows([*half, *moved], 0.0), math.inf)[0] == 0.0
+
+
+def test_thirds_of_a_round_length_are_round() -> None:
+    """Balls and thin ribs spread over a plate of 80 have places of 6.67 and so on from an origin 0.0033 beside the plate's end."""
+    balls = [Primitive("sphere", (2.0,), (20 * k / 3, 0.0, 5.0)) for k in (1, 2, 4, 7, 8, 10)]
+    ribs = [Primitive("box", (1 / 3, 1.0, 1.0), (10.0 + 20 * k + side, 0.0, 5.0)) for k in range(4) for side in (-6.5, 6.5)]
+    assert find_offset([Primitive("box", (80.0, 20.0, 10.0), (40.0, 0.0, 5.0)), *balls, *ribs], 0.01)[0] == 0.0

@@ -187,3 +187,15 @@ def test_what_is_square_to_a_tilted_plate_stays_so():
     assert box.rotation != tilted
     along = [matrix_from_euler(box.rotation).T @ matrix_from_euler(leaf.rotation)[:, 2] for leaf in rest]
     assert np.allclose(np.abs(along), [[0, 0, 1], [0, 0, 1], [0, 0, 1], [1, 0, 0]], atol=1e-6)
+
+
+def test_thirds_of_a_typed_length_are_as_exact_as_that() -> None:
+    """Six balls spread evenly over a bar of 70: 11.667 would be off by more than a mesh's places are."""
+    program = combine_all("union", [Primitive("box", (70.0, 8.0, 4.0), (35.0, 0.0, 2.0)), *thirds(70.0 + 4e-6)])
+    config = SnapConfig(max_move=1e-3, abs_tolerance=1.0, precision=7e-6)
+    found = [leaf.center[0] for leaf in leaves(snap(program, lambda trial: 0.0, config=config)) if leaf.kind == "sphere"]
+    assert found == pytest.approx([70.0 * k / 6 for k in range(1, 6)], abs=1e-9)
+
+
+def thirds(length: float) -> list[Primitive]:
+    return [Primitive("sphere", (3.0,), (length * k / 6, 0.0, 4.0)) for k in range(1, 6)]

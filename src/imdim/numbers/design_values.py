@@ -26,6 +26,7 @@ NORMAL_95 = 1.959964  # standard deviations to either side that hold 95 % of a n
 FINE = 0.1  # of a half-width, by which a number may be rounded without a claim
 INCH = 25.4  # millimetres
 FINEST_FRACTION = 128
+THIRD = 30.0  # times as wide as the finest grid for typed numbers is one whose thirds are typed: what is spread evenly over a length
 FEWER = 5  # digits, than one beside it, that a number has which is rounded already
 LAST_BITS = 1e-7  # of a part's span, by which single precision moves a value
 RARE = 50  # times that: a grid so wide holds a value by chance one time in 25
@@ -231,6 +232,11 @@ def coarsest_widths(numbers: np.ndarray, widths: Sequence[float], slack: float) 
     for width in reversed(widths):
         out[np.abs(numbers - np.round(numbers / width) * width) <= slack] = width
     return out
+
+
+def round_to_thirds(number: float, grid: float) -> float:
+    """The third of a multiple of `grid` next to `number`."""
+    return decimal(round(3 * number / grid) * grid / 3)
 
 
 def round_to_grid(number: float, grid: float) -> float:

@@ -61,8 +61,10 @@ def _offset(places: np.ndarray, size: float, most: float) -> float:
 
 
 def _bits(places: np.ndarray, widths: Sequence[float], slack: float) -> tuple[float, float]:
-    """What the places cost but for a constant, and the share of them that is on a grid."""
-    on = coarsest_widths(places, widths, slack)
+    """What the places cost but for a constant, and the share of them that is on a grid, or a third of one: what is spread evenly over a
+    round length is."""
+    thirds = coarsest_widths(3 * places, [width for width in widths if width >= 3 * widths[-1]], 3 * slack) / 3
+    on = np.maximum(coarsest_widths(places, widths, slack), thirds)
     return -float(np.log2(np.where(on > 0, on, 2 * slack)).sum()), float((on > 0).mean())
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.numbers.design_values import (
+    THIRD,
     Values,
     clusters,
     coarsest_widths,
@@ -22,6 +23,7 @@ from imdim.numbers.design_values import (
     equal_groups,
     grids,
     round_to_grid,
+    round_to_thirds,
     span,
     typed_widths,
 )
@@ -173,12 +175,16 @@ def _put_all(parts: tuple[Primitive, ...], change: Mapping[int, Primitive]) -> t
 
 
 def _settle_typed(values: Values, judge: _SnapJudge, config: SnapConfig, widths: Sequence[float]) -> tuple[Values, frozenset[float]]:
-    """The values with those that a mesh's precision keeps off a grid that is far wider, or the part's own, on it, and these: a mesh says so
-    exactly where its faces are that a number next to it on a coarser grid is another one, and what was equal stays so."""
+    """The values with those that a mesh's precision keeps off a grid that is far wider, or the part's own, on it or on its thirds, and
+    these: a mesh says so exactly where its faces are that a number next to it on a coarser grid is another one, and what was equal stays
+    so."""
     groups = equal_groups(values)
     numbers = np.array([values.numbers[group[0]] for group in groups])
-    found = coarsest_widths(numbers, typed_widths(numbers, widths, config.precision), config.precision)
+    typed = typed_widths(numbers, widths, config.precision)
+    found = coarsest_widths(numbers, typed, config.precision)
+    thirds = coarsest_widths(3 * numbers, [w for w in typed if w >= THIRD * typed[-1]], 3 * config.precision)
     moves = [(group, round_to_grid(float(v), w)) for group, v, w in zip(groups, numbers, found, strict=True) if w]
+    moves += [(g, round_to_thirds(float(v), t)) for g, v, w, t in zip(groups, numbers, found, thirds, strict=True) if t and not w]
     values = accept_changes(values, moves, Values.with_numbers, judge.bears, config.tries)
     return values, frozenset(number for group, number in moves if values.numbers[group[0]] == number)
 
