@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 SEGMENTS = 96
 GRID = 1e-9  # of the power of ten above the largest size, in steps of which corners lie
 KEPT = 32  # solids: one step asks for what the steps before it made
+SWEEPS_KEPT = 256  # drawings that are extruded or turned
 
 _LOCAL: Mapping[str, Callable[[tuple[float, ...], int], Manifold]] = {
     "box": lambda s, n: Manifold.cube((s[0], s[1], s[2]), True),
@@ -47,17 +48,19 @@ def primitive_to_manifold(primitive: Primitive, segments: int = SEGMENTS) -> Man
     placement = np.column_stack([exact_rotation(primitive), primitive.center])
     if primitive.outline is None:
         return _LOCAL[primitive.kind](primitive.size, segments).transform(placement)
-    return _sweep(primitive, primitive.outline, segments).transform(placement)
+    return _sweep(primitive.kind, primitive.size[0], primitive.outline, segments).transform(placement)
 
 
-def _sweep(primitive: Primitive, outline: Outline, segments: int) -> Manifold:
-    """An extruded or turned outline about its own origin."""
+@lru_cache(SWEEPS_KEPT)
+def _sweep(kind: str, extent: float, outline: Outline, segments: int) -> Manifold:
+    """An outline about its own origin, extruded as high or turned by as many degrees as the `extent`. It is placed in a moment; trials
+    have most of their drawings in common."""
     section = draw_section(outline, segments)
-    if primitive.kind == "extrude":
-        return section.extrude(primitive.size[0]).translate((0.0, 0.0, -primitive.size[0] / 2))
+    if kind == "extrude":
+        return section.extrude(extent).translate((0.0, 0.0, -extent / 2))
     # manifold3d takes all of these for the part of the turn, OpenSCAD its share of them
-    divisions = max(3, math.floor(segments * primitive.size[0] / FULL_TURN + 1e-9))
-    return section.revolve(divisions, primitive.size[0])
+    divisions = max(3, math.floor(segments * extent / FULL_TURN + 1e-9))
+    return section.revolve(divisions, extent)
 
 
 def draw_section(outline: Outline, segments: int) -> CrossSection:

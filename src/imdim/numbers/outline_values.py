@@ -61,7 +61,7 @@ EXACT = 1e-9  # degrees by which equal directions differ
 TENTH = 10.0  # of an outline's size is the coarsest grid that its middle is put on, a hundredth of that the finest
 ROUND = 1e-9  # of its size: a middle as near to the finest is round as it is
 REGULAR = 5e-3  # of a polygon's extent, within which it is a regular one
-KEPT = 256  # leaves that were snapped: one that does not bear a rounding is offered the finer ones again with the other leaves'
+KEPT = 4096  # leaves that were snapped: one that does not bear a rounding is offered it again with other leaves', and more cautiously
 
 
 def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0), inches: bool = False, bits: float = 0.0) -> Outline:

@@ -153,7 +153,8 @@ def _snap_outlines(
     """Outlines rounded as boldly as they bear, and the angles that they turn by."""
     start = parts
     for share in OUTLINE_SHARES:
-        slack = share * config.max_move * largest
+        # to a few digits: a bold small share and a timid large one are one question, which is answered once
+        slack = float(f"{share * config.max_move * largest:.6g}")
         offers = [(i, snap_leaf(p, slack, inches, config.precision)) for i, p in enumerate(parts) if p is start[i] and p.outline]
         offers = [(i, leaf) for i, leaf in offers if leaf != parts[i]]
         parts = accept_changes(parts, offers, _put, judge.bears_parts, config.tries)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from imdim.program.ellipse import (
     Ellipse,
@@ -45,6 +45,8 @@ class Outline:
     nothing."""
 
     loops: tuple[Loop, ...]
+    # asked for ten thousand times in a long program; no part of what an outline is
+    _bounds: tuple[Point, Point] | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.loops:
@@ -72,7 +74,10 @@ class Outline:
     @property
     def bounds(self) -> tuple[Point, Point]:
         """Low and high corner."""
-        return curve_bounds(self.curves)
+        if self._bounds is None:
+            object.__setattr__(self, "_bounds", curve_bounds(self.curves))
+        assert self._bounds is not None
+        return self._bounds
 
     @property
     def area(self) -> float:

@@ -132,10 +132,10 @@ def _distance_from(seen: Observation, frame: Frame) -> Callable[[Program], float
     """The mean distance of the target's surface points from a program in the body's units."""
     points, limit = _surface_points(seen), 2e-3 if seen.target.mesh is not None else 1e-2
     # most leaves of a trial are those of the trials before it
-    values_of = lru_cache(MOST_ROWS)(lambda leaf: kernels.program_sdf(leaf, points))
+    values_of = lru_cache(MOST_ROWS)(lambda leaf: kernels.program_sdf(frame.apply(leaf), points))
 
     def distance(trial: Program) -> float:
-        values = fold(frame.apply(trial), lambda _, leaf: values_of(leaf), VALUES)
+        values = fold(trial, lambda _, leaf: values_of(leaf), VALUES)
         return float(np.minimum(np.abs(values), limit).mean())
 
     return distance
@@ -252,7 +252,7 @@ class _SolidJudge:
         self.most = SNAP_CHANGE if seen.target.mesh is not None else 10 * SNAP_CHANGE
         points = subsample(seen.target.points, JUDGING)
         # a row of the distances of all points to a leaf serves all programs that have it
-        self.values_of = lru_cache(MOST_ROWS)(lambda leaf: kernels.program_sdf(leaf, points))
+        self.values_of = lru_cache(MOST_ROWS)(lambda leaf: kernels.program_sdf(frame.apply(leaf), points))
         self.values = self._values(plain)
         coarse = to_manifold(plain, CHECK_SEGMENTS)
         self.thickness = frame.scale * coarse.volume() / max(coarse.surface_area(), 1e-300)
@@ -261,7 +261,7 @@ class _SolidJudge:
         self.most_lost = min(SNAP_LOSS + FACETED * self.missed, SNAP_CHANGE)
 
     def _values(self, program: Program) -> np.ndarray:
-        return fold(self.frame.apply(program), lambda _, leaf: self.values_of(leaf), VALUES)
+        return fold(program, lambda _, leaf: self.values_of(leaf), VALUES)
 
     def costs(self, trial: Program) -> Costs:
         """As the distances of the target's points say: what lies between two surfaces is their mean distance times their area, up to a

@@ -26,13 +26,14 @@ def drop_spare(
     """
 
     def is_better(fewer: Program) -> bool:
-        return estimate(fewer) < estimate(program) + slack and price(fewer) < price(program)
+        return estimate(fewer) < whole + slack and price(fewer) < price(program)
 
-    i = len(leaf_paths(program)) - 1
+    i, whole = len(leaf_paths(program)) - 1, estimate(program)
     while i >= 0 and not deadline.has_passed():
         fewer = next(filter(is_better, _leave_out(program, i)), None)
         i -= fewer is None or len(leaf_paths(fewer)) < len(leaf_paths(program))
-        program = fewer or program
+        if fewer is not None:
+            program, whole = fewer, estimate(fewer)
     return program
 
 
