@@ -89,3 +89,9 @@ def test_eight_drawn_parts_on_a_circle_are_teeth(count, word, said):
     assert [label for label in found.labels if label == word] == [word] * count
     ((first, repeat),) = repeats(found.folded)
     assert describe_repeat(repeat, found.labels[first]) == said
+
+
+@pytest.mark.parametrize(("radius", "word"), [(60.0, "scoop"), (20.0, "hole")])
+def test_a_round_cut_wider_than_all_it_cuts_is_a_scoop(radius, word):
+    dished = cut(PLATE, cylinder(radius, 60.0, (0, 0, 3.0 + radius - 1.0), (90.0, 0.0, 0.0)))
+    assert feature_roles(dished)[1] == word

@@ -1,7 +1,8 @@
 """Ribs, slots, bores and teeth: roles that only what is around a primitive tells, beside those of holes and of `program.roles`.
 
 A rib is a thin wall that stands on something and has nothing at its sides or above it. A slot is a narrow cut with walls about it that goes
-through, or one with round ends. A bore is the one large hole through a turned part or a boss, about its axis.
+through, or one with round ends. A bore is the one large hole through a turned part or a boss, about its axis. A scoop is a round cut that
+is wider than anything it cuts: one wall of it shows.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from imdim.program.holes import Hole
 from imdim.program.outline import circle_of
 from imdim.program.repeats import Folded, instances, repeats, size
 from imdim.program.roles import FLAT, signs
-from imdim.program.tree import Primitive, Program, leaves, longest
+from imdim.program.tree import Primitive, Program, envelope, leaves, longest
 
 MOST_NAMED = 1000  # primitives, copies counted, of a program with names: equations are dense, and so many take 0.4 GB
 BRACED = 0.5  # of its longest edge: a thicker wall is no rib, and one that is not held on two sides has to be a plate's share of the next
@@ -69,7 +70,8 @@ def find_roles(program: Program) -> Mapping[int, Role]:
     parts, sign, solid = list(leaves(program)), signs(program), lower(program)
     if len(parts) > MOST_NAMED:
         return {}
-    return {leaf: role for leaf, role in _by_surroundings(parts, sign, solid) if role} | _bores(program, parts, sign, solid)
+    found = {leaf: role for leaf, role in _by_surroundings(parts, sign, solid) if role} | _bores(program, parts, sign, solid)
+    return found | {leaf: Role("scoop") for leaf in _scoops(parts, sign)}
 
 
 def _by_surroundings(parts: Sequence[Primitive], sign: Sequence[int], solid: Lowered) -> Iterator[tuple[int, Role | None]]:
@@ -140,6 +142,14 @@ def _bores(program: Program, parts: Sequence[Primitive], sign: Sequence[int], so
     found = [hole for hole in alone if hole.through and hole.bore.diameter >= largest and not hole.bore.corners]
     own = {leaf: hole for hole in found for leaf in hole.bore.leaves if sign[leaf] < 0 and parts[leaf].kind == "cylinder"}
     return {leaf: Role("bore") for leaf, hole in own.items() if any(_is_about(hole, i, parts, sign, solid) for i in range(len(parts)))}
+
+
+def _scoops(parts: Sequence[Primitive], sign: Sequence[int]) -> Iterator[int]:
+    """Cylinders that cut and are wider than the longest of what adds is from corner to corner."""
+    longest_diagonal = max((math.hypot(*envelope(p).size) for p, s in zip(parts, sign, strict=True) if s > 0), default=math.inf)
+    yield from (
+        i for i, (p, s) in enumerate(zip(parts, sign, strict=True)) if s < 0 and p.kind == "cylinder" and 2 * p.size[0] > longest_diagonal
+    )
 
 
 def _is_about(hole: Hole, leaf: int, parts: Sequence[Primitive], sign: Sequence[int], solid: Lowered) -> bool:
