@@ -35,6 +35,7 @@ from imdim.numbers.carriers import (
 )
 from imdim.numbers.design_values import decimal, is_level, round_to_grid
 from imdim.numbers.ellipse_values import STEPS_DEG, snap_ellipse
+from imdim.numbers.mirrored_loops import mirror_halves
 from imdim.numbers.outline_grids import OutlineGrids
 from imdim.numbers.polygon_values import snap_polygon
 from imdim.program.ellipse import Ellipse
@@ -76,7 +77,8 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0),
 
 def _redraw(outline: Outline, placed: Outline, offset: Point, grids: OutlineGrids) -> Outline:
     try:
-        snapped = Outline(tuple(_tidy_loop(loop, *offset) for loop in _snap_loops(placed, grids)))
+        loops = (_tidy_loop(loop, *offset) for loop in _snap_loops(placed, grids))
+        snapped = Outline(tuple(loop if isinstance(loop, Ellipse) else mirror_halves(loop, grids.tolerance) for loop in loops))
         check_crossings(snapped)
     except (ValueError, ZeroDivisionError):
         return outline
