@@ -407,3 +407,32 @@ def test_what_fails_at_once_is_done_one_after_another_before_other_ways(monkeypa
     )
     assert shape_volume(to_shape(drilled), 1e-6) == pytest.approx(48 - 4 * math.pi * 0.25, rel=1e-4)
     assert together == pytest.approx([0.0, 3.6e-6, 3.6e-6])  # twice unchecked, once checked
+
+
+def count_faces(shape) -> int:
+    kind = ocp("TopAbs").TopAbs_ShapeEnum.TopAbs_FACE
+    explorer, found = ocp("TopExp").TopExp_Explorer(shape, kind), 0
+    while explorer.More():
+        found += 1
+        explorer.Next()
+    return found
+
+
+def test_needles_go_and_the_faces_beside_them_meet():
+    """A block with a corner cut off by a thousandth of a thousandth: a face 5e-6 wide and as high as the block."""
+    bevel = 3.5e-6
+    ring = ((0.0, 0.0, 0.0), (20.0, 0.0, 0.0), (20.0, 10.0 - bevel, 0.0), (20.0 - bevel, 10.0, 0.0), (0.0, 10.0, 0.0))
+    block = to_shape(Primitive("extrude", (8.0,), outline=Outline((ring,))))
+    healed = step_booleans.drop_needles(block, 1e-5)
+    assert (count_faces(block), count_faces(healed)) == (7, 6)
+    assert shape_volume(healed, 1e-6) == pytest.approx(1600.0, rel=1e-6)
+    assert count_faces(step_booleans.drop_needles(block, 1e-6)) == 7
+
+
+def test_a_shape_is_written_without_its_needles_where_it_is_not_valid_with_them(tmp_path, monkeypatch):
+    dropped = []
+    monkeypatch.setattr(step, "drop_needles", lambda shape, width: dropped.append(width) or shape)
+    monkeypatch.setattr(step, "is_valid", lambda shape: bool(dropped))
+    write_step(Primitive("box", (4.0, 3.0, 20.0)), tmp_path / "part.step")
+    assert dropped == [pytest.approx(20.0 * step.NEEDLE)]
+    assert step_volume(tmp_path / "part.step") == pytest.approx(240.0)

@@ -16,7 +16,7 @@ import numpy as np
 
 from imdim.export.part_names import PartNames
 from imdim.export.placed_edges import PlacedEdges
-from imdim.export.step_booleans import StepError, boolean, build, ocp, shape_volume
+from imdim.export.step_booleans import StepError, boolean, build, drop_needles, is_valid, ocp, shape_volume
 from imdim.export.step_names import write_named
 from imdim.geometry.solid import exact_rotation
 from imdim.install import install_command
@@ -27,6 +27,9 @@ from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, long
 
 # OpenCASCADE takes points closer than 1e-7 for one, so a part needs to be a good deal larger
 SMALLEST_SIZE = 1e-4
+
+# share of the largest size, by which a face may be narrow that goes where its shape is not valid once it is read back
+NEEDLE = 3e-7
 
 INTEGRATION_ERROR = 1e-6  # relative; without it, a NURBS face is off by 4e-4
 
@@ -95,14 +98,23 @@ def path_beside(path: Path) -> Path:
 
 
 def _write(shape: Any, path: Path, program: Program, names: PartNames) -> Any:
-    """Write a shape; what is read back, None where that is not valid."""
+    """Write a shape, without its needles where it is not valid with them; what is read back, None where that is not valid either."""
+    read = _write_once(shape, path, program, names)
+    if is_valid(read):
+        return read
+    # whether it is valid before it is written tells nothing, either way
+    read = _write_once(drop_needles(read, NEEDLE * longest(leaves(program))), path, program, names)
+    return read if is_valid(read) else None
+
+
+def _write_once(shape: Any, path: Path, program: Program, names: PartNames) -> Any:
+    """Write a shape; what is read back."""
     if not write_named(shape, path, program, names):
         raise OSError(f"cannot write {path}")
     name = names.part.replace("'", "''")
     head = f"FILE_NAME('{name}','1970-01-01T00:00:00',(''),(''),'OpenCASCADE','IMDIM','');"
     path.write_text(_STAMP.sub(lambda _: head, path.read_text(encoding="utf-8"), count=1), encoding="utf-8")
-    read = read_step(path)
-    return read if ocp("BRepCheck").BRepCheck_Analyzer(read).IsValid() else None
+    return read_step(path)
 
 
 def read_step(path: Path) -> Any:

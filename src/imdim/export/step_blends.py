@@ -19,7 +19,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import Deadline
 from imdim.export.placed_edges import PlacedEdges
-from imdim.export.step_booleans import StepError, boolean, copy_shape, merge_faces, ocp, shape_volume, solids_in
+from imdim.export.step_booleans import StepError, boolean, copy_shape, is_valid, merge_faces, ocp, shape_volume, solids_in
 from imdim.geometry.blended_edge import BlendedEdge
 from imdim.geometry.edge_solids import BlendSolid, blend_pieces, sweep_blends
 from imdim.geometry.solid import COMBINE, to_manifold
@@ -94,7 +94,7 @@ def _sweep(
             after = after - solid if piece.cuts else after + solid
             tried = _boolean(tried, build(piece.solid), piece.cuts)
         expected = after.volume() - exact.volume()
-        if tried is None or solids_in(tried) != solids_in(shape) or not ocp("BRepCheck").BRepCheck_Analyzer(tried).IsValid():
+        if tried is None or solids_in(tried) != solids_in(shape) or not is_valid(tried):
             failed += group
             continue
         found = shape_volume(tried, _volume_error(expected, volume))
@@ -174,7 +174,7 @@ class _State:
         before = copy_shape(self.shape)
         chosen = _lying_on(before, stretches, self._slack, self._places())
         shape = _try(before, chosen, stretches) if chosen else None
-        if shape is None or solids_in(shape) != solids_in(before) or not ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid():
+        if shape is None or solids_in(shape) != solids_in(before) or not is_valid(shape):
             return False
         after = [*self._blended, *stretches]
         pieces = blend_pieces(after)

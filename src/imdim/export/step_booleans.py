@@ -325,6 +325,26 @@ def _unify(shape: Any, edges: bool = True) -> Any:
     return unify.Shape()
 
 
+def drop_needles(shape: Any, width: float) -> Any:
+    """The shape without faces and edges narrower or shorter than a `width`, their neighbours joined: booleans of faces that all but touch
+    leave needles, which hang together by tolerances that no file keeps."""
+    fix = ocp("ShapeFix")
+    faces = fix.ShapeFix_FixSmallFace()
+    faces.Init(copy_shape(shape))
+    faces.SetPrecision(width)
+    faces.SetMaxTolerance(width)
+    faces.Perform()
+    edges = fix.ShapeFix_Wireframe(faces.FixShape())
+    edges.SetPrecision(width)
+    edges.SetMaxTolerance(width)
+    edges.ModeDropSmallEdges = True
+    edges.FixSmallEdges()
+    edges.FixWireGaps()
+    whole = fix.ShapeFix_Shape(edges.Shape())
+    whole.Perform()
+    return whole.Shape()
+
+
 def copy_shape(shape: Any) -> Any:
     """A shape of its own."""
     return ocp("BRepBuilderAPI").BRepBuilderAPI_Copy(shape).Shape()
@@ -337,9 +357,14 @@ def _fits(shape: Any, volume: float, error: float) -> bool:
 
 def _volume_error(shape: Any, volume: float) -> float:
     """By how much, relative to it, a shape misses a volume; infinite for one that is not valid."""
-    if shape is None or shape.IsNull() or volume <= 0 or not ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid():
+    if shape is None or shape.IsNull() or volume <= 0 or not is_valid(shape):
         return math.inf
     return abs(shape_volume(shape, INTEGRATION_ERROR) - volume) / volume
+
+
+def is_valid(shape: Any) -> bool:
+    """Whether OpenCASCADE finds nothing wrong with a shape."""
+    return ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid()
 
 
 def shape_volume(shape: Any, error: float) -> float:
