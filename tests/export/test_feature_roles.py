@@ -95,3 +95,8 @@ def test_eight_drawn_parts_on_a_circle_are_teeth(count, word, said):
 def test_a_round_cut_wider_than_all_it_cuts_is_a_scoop(radius, word):
     dished = cut(PLATE, cylinder(radius, 60.0, (0, 0, 3.0 + radius - 1.0), (90.0, 0.0, 0.0)))
     assert feature_roles(dished)[1] == word
+
+
+def test_the_cavity_of_a_ring_is_none():
+    ring = cut(cylinder(28, 18, (0, 0, 9)), cylinder(20, 14, (0, 0, 7)))
+    assert feature_roles(ring)[1] != "scoop"

@@ -21,8 +21,9 @@ from imdim.geometry.lowering import Lowered, lower
 from imdim.program.holes import Hole
 from imdim.program.outline import circle_of
 from imdim.program.repeats import Folded, instances, repeats, size
+from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.roles import FLAT, signs
-from imdim.program.tree import Primitive, Program, envelope, leaves, longest
+from imdim.program.tree import Primitive, Program, leaves, longest
 
 MOST_NAMED = 1000  # primitives, copies counted, of a program with names: equations are dense, and so many take 0.4 GB
 BRACED = 0.5  # of its longest edge: a thicker wall is no rib, and one that is not held on two sides has to be a plate's share of the next
@@ -146,10 +147,8 @@ def _bores(program: Program, parts: Sequence[Primitive], sign: Sequence[int], so
 
 def _scoops(parts: Sequence[Primitive], sign: Sequence[int]) -> Iterator[int]:
     """Cylinders that cut and are wider than the longest of what adds is from corner to corner."""
-    longest_diagonal = max((math.hypot(*envelope(p).size) for p, s in zip(parts, sign, strict=True) if s > 0), default=math.inf)
-    yield from (
-        i for i, (p, s) in enumerate(zip(parts, sign, strict=True)) if s < 0 and p.kind == "cylinder" and 2 * p.size[0] > longest_diagonal
-    )
+    farthest = max((bounding_radius(p) for p, s in zip(parts, sign, strict=True) if s > 0), default=math.inf)
+    yield from (i for i, (p, s) in enumerate(zip(parts, sign, strict=True)) if s < 0 and p.kind == "cylinder" and p.size[0] > farthest)
 
 
 def _is_about(hole: Hole, leaf: int, parts: Sequence[Primitive], sign: Sequence[int], solid: Lowered) -> bool:
