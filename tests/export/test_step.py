@@ -300,7 +300,7 @@ def test_a_solid_that_is_not_valid_once_read_back_is_not_left(tmp_path, monkeypa
         def IsValid(self):
             return False
 
-    monkeypatch.setattr(step_booleans, "_fits", lambda *_: True)
+    monkeypatch.setattr(step_booleans, "fits", lambda *_: True)
     monkeypatch.setattr(ocp("BRepCheck"), "BRepCheck_Analyzer", Spoilt)
     with pytest.raises(StepError, match="not valid once it is read back"):
         write_step(Primitive("box", (1.0, 2.0, 3.0)), tmp_path / "part.step")
@@ -429,10 +429,24 @@ def test_needles_go_and_the_faces_beside_them_meet():
     assert count_faces(step_booleans.drop_needles(block, 1e-6)) == 7
 
 
+def without_needles(monkeypatch, made) -> list[float]:
+    """What is read back first counts as not valid, and `made` of a shape as that without its needles; the widths asked for."""
+    asked: list[float] = []
+    monkeypatch.setattr(step, "drop_needles", lambda shape, width: asked.append(width) or made(shape))
+    monkeypatch.setattr(step, "is_valid", lambda shape: bool(asked))
+    return asked
+
+
 def test_a_shape_is_written_without_its_needles_where_it_is_not_valid_with_them(tmp_path, monkeypatch):
-    dropped = []
-    monkeypatch.setattr(step, "drop_needles", lambda shape, width: dropped.append(width) or shape)
-    monkeypatch.setattr(step, "is_valid", lambda shape: bool(dropped))
+    asked = without_needles(monkeypatch, lambda shape: shape)
     write_step(Primitive("box", (4.0, 3.0, 20.0)), tmp_path / "part.step")
-    assert dropped == [pytest.approx(20.0 * step.NEEDLE)]
+    assert asked == [pytest.approx(20.0 * step.NEEDLE)]
+    assert step_volume(tmp_path / "part.step") == pytest.approx(240.0)
+
+
+def test_but_not_where_more_goes_with_them(tmp_path, monkeypatch):
+    """A valid file of another solid gives way to one that is made in another way."""
+    asked = without_needles(monkeypatch, lambda _: to_shape(Primitive("box", (4.0, 3.0, 19.0))))
+    write_step(Primitive("box", (4.0, 3.0, 20.0)), tmp_path / "part.step")
+    assert len(asked) == 1
     assert step_volume(tmp_path / "part.step") == pytest.approx(240.0)

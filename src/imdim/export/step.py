@@ -16,7 +16,7 @@ import numpy as np
 
 from imdim.export.part_names import PartNames
 from imdim.export.placed_edges import PlacedEdges
-from imdim.export.step_booleans import StepError, boolean, build, drop_needles, is_valid, ocp, shape_volume
+from imdim.export.step_booleans import CLOSE, StepError, boolean, build, drop_needles, fits, is_valid, ocp, shape_volume, solids_in
 from imdim.export.step_names import write_named
 from imdim.geometry.solid import exact_rotation
 from imdim.install import install_command
@@ -98,13 +98,15 @@ def path_beside(path: Path) -> Path:
 
 
 def _write(shape: Any, path: Path, program: Program, names: PartNames) -> Any:
-    """Write a shape, without its needles where it is not valid with them; what is read back, None where that is not valid either."""
+    """Write a shape, without its needles where it is not valid with them; what is read back, None where that is not valid either, or is
+    another solid."""
     read = _write_once(shape, path, program, names)
     if is_valid(read):
         return read
     # whether it is valid before it is written tells nothing, either way
-    read = _write_once(drop_needles(read, NEEDLE * longest(leaves(program))), path, program, names)
-    return read if is_valid(read) else None
+    without = _write_once(drop_needles(read, NEEDLE * longest(leaves(program))), path, program, names)
+    is_same = fits(without, shape_volume(shape, INTEGRATION_ERROR), CLOSE) and solids_in(without) == solids_in(shape)
+    return without if is_same else None
 
 
 def _write_once(shape: Any, path: Path, program: Program, names: PartNames) -> Any:

@@ -216,7 +216,7 @@ def _checked(op: Op, combine: _Combine, ways: tuple[_Way, ...], largest: float, 
             if deadline.has_passed():
                 raise _StuckError
             shape = _try(op, [part.shape for part in parts], way, largest)
-            if not _fits(shape, volume, CLOSE):
+            if not fits(shape, volume, CLOSE):
                 continue
             if solids_in(shape) <= allowed:
                 return _Pair(shape, exact, max(solids_in(shape) - bodies, 0))
@@ -313,7 +313,7 @@ def merge_faces(shape: Any, volume: float, error: float = CLOSE) -> Any:
             unified = _unify(shape, edges)
         except ocp("Standard").Standard_Failure:
             continue
-        if _fits(unified, volume, error) and solids_in(unified) <= solids_in(shape):
+        if fits(unified, volume, error) and solids_in(unified) <= solids_in(shape):
             return unified
     return shape
 
@@ -350,7 +350,7 @@ def copy_shape(shape: Any) -> Any:
     return ocp("BRepBuilderAPI").BRepBuilderAPI_Copy(shape).Shape()
 
 
-def _fits(shape: Any, volume: float, error: float) -> bool:
+def fits(shape: Any, volume: float, error: float) -> bool:
     """Whether a shape is valid and has a volume up to the relative `error`."""
     return _volume_error(shape, volume) < error
 
