@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from tests.planted import PARTS, box, cylinder, mesh_of
 
-from imdim.detection.facets import facets_of
+from imdim.detection.facets import facets_of, points_of
 
 
 def test_a_box_is_six_facets_with_twelve_right_angles():
@@ -61,3 +61,20 @@ def test_triangles_belong_to_their_facets():
     chosen = np.array([0, 3, 5])
     assert set(facets.facet_of[facets.triangles(chosen)]) == {0, 3, 5}
     assert len(facets.triangles(chosen)) == np.isin(facets.facet_of, chosen).sum()
+
+
+def test_where_only_the_next_facet_was_cut_a_facet_has_no_corner():
+    """A square of three triangles, with a corner of what is above it in the middle of its upper edge; and a bend there of half a degree."""
+    for rise, corners in ((0.0, 4), (0.005, 5)):
+        plate = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0.5, 1 + rise, 0), (0, 1, 0)]
+        mesh = trimesh.Trimesh([*plate, (0.5, 2, 1)], [(0, 1, 3), (1, 2, 3), (0, 3, 4), (3, 2, 5), (4, 3, 5)], process=False)
+        facets = facets_of(mesh)
+        square = int(np.argmax(facets.areas))
+        assert facets.triangle_counts[square] == 3
+        assert len(points_of(facets, np.array([square]))) == corners
+
+
+def test_a_disc_of_very_many_sides_keeps_its_corners():
+    """Each turns by less than what counts as straight."""
+    facets = facets_of(mesh_of(cylinder(10, 1), 1500))
+    assert facets.turns.all()

@@ -227,6 +227,43 @@ def test_a_coarse_ball_that_cuts_have_gone_through_is_one_sphere(facets):
     assert found.surface.point == pytest.approx((0.0, 0.0, 0.0), abs=5e-3)
 
 
+def turned_post(radius: float, height: float, facets: int, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Manifold:
+    return Manifold.cylinder(height, radius, radius, facets).translate([x, y, z])
+
+
+@pytest.mark.parametrize("facets", [16, 24, 48])
+def test_a_coarse_bore_is_round_though_its_edges_were_split(facets):
+    """Corners in the middle of a strip's ends, where something beside it was cut, lie on chords and are none of the strip's."""
+    block = Manifold.cube([40.0, 30.0, 10.0], True) - turned_post(4.0, 20.0, facets, z=-10.0)
+    patches = detect_patches(to_trimesh(block.refine(2)))
+    assert [p.surface.sizes[0] for p in patches if p.surface.kind == "cylinder"] == pytest.approx([4.0], abs=1e-4)
+    assert sum(p.surface.kind == "plane" for p in patches) == 6
+
+
+def test_a_coarse_ball_is_one_sphere_where_gentle_cuts_meet_it():
+    """A cube's faces and three bores leave a 30-sided ball eight corners, and corners of cuts in which three gentle facets meet."""
+    bores = [turned_post(6.5, 50.0, 30, z=-25.0).rotate(way) for way in ([0.0, 0.0, 0.0], [90.0, 0.0, 0.0], [0.0, 90.0, 0.0])]
+    solid = Manifold.cube([20.0, 20.0, 20.0], True) ^ polar_ball(13.3, 30)
+    for bore in bores:
+        solid = solid - bore
+    curved = [patch for patch in detect_patches(to_trimesh(solid)) if patch.surface.kind != "plane"]
+    assert Counter(patch.surface.kind for patch in curved) == {"sphere": 1, "cylinder": 3}
+    (ball,) = (patch.surface for patch in curved if patch.surface.kind == "sphere")
+    assert ball.sizes == pytest.approx((13.3,), abs=2e-3)
+    assert ball.point == pytest.approx((0.0, 0.0, 0.0), abs=2e-3)
+
+
+def test_a_fluted_knob_is_round_between_its_flutes():
+    """Each rest of its flank has one whole strip, and one on either side that a flute has cut."""
+    solid = turned_post(10.0, 8.0, 30)
+    for turn in range(0, 360, 60):
+        solid = solid - turned_post(3.5, 10.0, 30, 12.0 * math.cos(math.radians(turn)), 12.0 * math.sin(math.radians(turn)), -1.0)
+    patches = detect_patches(to_trimesh(solid))
+    flanks = [p for p in patches if p.surface.kind == "cylinder" and p.outward > 0]
+    assert [p.surface.sizes[0] for p in flanks] == pytest.approx([10.0], abs=1e-4)
+    assert sum(p.surface.kind == "plane" for p in patches) == 2
+
+
 @pytest.mark.parametrize(("sides", "flats"), [(8, 8), (10, 10), (24, 0)])
 def test_sides_far_within_their_circle_are_a_polygons(sides, flats):
     """An octagon as large as the part is no round plate: no tessellation is as coarse. A small hole with as few sides is round."""

@@ -16,6 +16,8 @@ FEW = 64  # facets, of which each is looked up by itself
 
 COPLANAR = 5e-6  # of the diagonal: corners no farther from a plane lie in it
 COPLANAR_DEG = 1.0  # between the normals of triangles in one plane
+STRAIGHT = 1e-5  # of the diagonal, by which a facet's boundary leaves the line between its neighbours in what is no corner of it
+STRAIGHT_SINE = 5e-3  # of the turn there, at most: a fine polygon turns by more
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,37 @@ class Facets:
         return np.bincount(self.facet_of, minlength=len(self.areas))
 
     @cached_property
+    def triangle_areas(self) -> np.ndarray:
+        """The area of each triangle [f]."""
+        first, *others = self.corners.transpose(1, 0, 2)
+        return np.linalg.norm(np.cross(*(corner - first for corner in others)), axis=1) / 2
+
+    @cached_property
     def distinct(self) -> tuple[np.ndarray, np.ndarray]:
         """The distinct corners [v, 3], in order, and for each triangle [f, 3] their numbers."""
         points, place = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)
         return points, place.reshape(-1, 3)
+
+    @cached_property
+    def turns(self) -> np.ndarray:
+        """Which corners of triangles [f, 3] are corners of their facets. Others lie within a facet, or its boundary goes straight on in
+        them, since only what is beside it was cut there: they are on chords of the curve. Where too few are left for a polygon, all are."""
+        out = np.ones((len(self.corners), 3), bool)
+        points, number = self.distinct
+        several = np.flatnonzero(self.triangle_counts[self.facet_of] > 1)
+        starts, ends = number[several].ravel(), np.roll(number[several], -1, 1).ravel()
+        owners = np.repeat(self.facet_of[several], 3) * len(points)
+        low, high = np.minimum(starts, ends), np.maximum(starts, ends)
+        _, edge, met = np.unique((owners + low) * len(points) + high, return_inverse=True, return_counts=True)
+        rim = met[edge] == 1  # no other triangle of the facet shares it
+        leaving, entering = owners[rim] + starts[rim], owners[rim] + ends[rim]
+        places, arrive, leave = np.intersect1d(_once(entering)[0], _once(leaving)[0], return_indices=True)
+        into, away = _once(entering)[1][arrive], _once(leaving)[1][leave]
+        straight = _are_straight(points[starts[rim][into]], points[starts[rim][away]], points[ends[rim][away]], self.diagonal)
+        corners = np.setdiff1d(leaving, places[straight])
+        out[several] = np.isin(owners + starts, corners).reshape(-1, 3)
+        few = np.bincount(corners // len(points), minlength=len(self.areas)) < 3
+        return out | few[self.facet_of][:, None]
 
     def triangles(self, facets: np.ndarray) -> np.ndarray:
         """Indices of the triangles of the given facets."""
@@ -59,6 +88,20 @@ class Facets:
         chosen = np.zeros(len(self.areas), bool)
         chosen[facets] = True
         return np.flatnonzero(chosen[self.facet_of])
+
+
+def _once(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The keys that occur once, in order, and where."""
+    values, first, count = np.unique(keys, return_index=True, return_counts=True)
+    return values[count == 1], first[count == 1]
+
+
+def _are_straight(before: np.ndarray, at: np.ndarray, after: np.ndarray, diagonal: float) -> np.ndarray:
+    """Whether paths through points [n, 3] go straight on in the middle one."""
+    first, second = at - before, after - at
+    cross = np.linalg.norm(np.cross(first, second), axis=1)
+    gentle = cross < STRAIGHT_SINE * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    return gentle & ((first * second).sum(1) > 0) & (cross < STRAIGHT * diagonal * np.linalg.norm(after - before, axis=1))
 
 
 @njit(cache=True)
@@ -146,5 +189,6 @@ def points_of(facets: Facets, chosen: np.ndarray) -> np.ndarray:
     """Distinct corners [n, 3] of the chosen facets, in order."""
     points, place = facets.distinct
     shown = np.zeros(len(points), bool)
-    shown[place[facets.triangles(chosen)]] = True
+    triangles = facets.triangles(chosen)
+    shown[place[triangles][facets.turns[triangles]]] = True
     return points[shown]

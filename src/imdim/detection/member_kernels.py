@@ -38,15 +38,15 @@ class Carrier(NamedTuple):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def lie_within(carrier, corners, chosen, slack):  # pragma: no cover - compiled
+def lie_within(carrier, corners, turns, chosen, slack):  # pragma: no cover - compiled
     """Whether of the `chosen` [t] triangles with `corners` [f, 3, 3] each corner is no farther from a carrier than `slack`, by
-    `signed_distance`."""
+    `signed_distance`; those alone in which their facet `turns` [f, 3]."""
     good = np.empty(len(chosen), np.bool_)
     for t in range(len(chosen)):
         good[t] = True
         for c in range(3):
             x, y, z = corners[chosen[t], c]
-            if abs(_measure(carrier, x, y, z)) > slack:
+            if turns[chosen[t], c] and abs(_measure(carrier, x, y, z)) > slack:
                 good[t] = False
                 break
     return good

@@ -6,10 +6,11 @@ import itertools
 import math
 from collections.abc import Iterator
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from imdim.detection.facets import Facets, Growing, points_of
+from imdim.detection.facets import STRAIGHT, Facets, Growing, points_of
 from imdim.detection.fit_ellipsoid import lies_on, quadric_ellipsoid
 from imdim.detection.fit_elliptic import elliptic_guesses
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
@@ -22,41 +23,55 @@ RINGS = (8, 30, 150)  # facets
 INNER = 3  # facets
 NEAR_CUTS = 10  # times as far off as drawn corners may be those of a ring, many of which a cut has made
 ALIKE_STEPS = (0.25, 4.0)  # times as wide as a band of a torus is what is beside it: a tessellation turns evenly
+SAME_TURN = 0.01  # of it: strips of one cylinder turn alike
+ALIKE = 0.3  # of a facet's area, that the next one has at least where a surface goes on evenly
 BENT = 0.2  # of its radius, by which strips beside one of a tube leave that at most
 GENTLE = math.cos(math.radians(20.0))  # between facets of one piece of a cone; across its rim the next face turns away by more
 
 
-def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
-    """Guesses through the seed with a preference factor; simple kinds win ties."""
-    facets, out = state.facets, []
+class Guess(NamedTuple):
+    """A carrier through a seed facet, with a factor by which it is preferred: simple kinds win ties. `cut` where it was told from one facet
+    alone that is whole, so that corners of those beside it may lie on chords."""
+
+    preference: float
+    surface: Surface
+    cut: bool = False
+
+
+def hypotheses(seed: int, state: Growing) -> list[Guess]:
+    """Guesses through the seed."""
+    facets, out = state.facets, list[Guess]()
     near, alike = _free_beside(seed, state)
-    for other in sorted(alike, key=lambda n: -facets.areas[n])[:4]:
-        out.append((1.02, _cylinder_through(facets, np.array([seed, other]))))
+    largest = sorted(alike, key=lambda n: -facets.areas[n])[:4]
+    out += [Guess(1.02, _cylinder_through(facets, np.array([seed, other]))) for other in largest]
+    out += [Guess(1.02, s, cut=True) for s in _cylinder_of_strip(facets, seed, largest)]
     ring = ring_of(seed, alike, state, 30)
     if len(ring) >= 3:
         # along a cone the three neighbours under the smallest angles are its own strips, across it something else may follow
         gentlest = [alike[i] for i in np.argsort(-(facets.normals[alike] @ facets.normals[seed]), kind="stable")[:3]]
         trios = [np.array([seed, a, b]) for a, b in itertools.combinations(gentlest, 2)]
-        out += [(1.01, s) for s in (_cone_through(facets, trio) for trio in [*trios, ring]) if s]
+        out += [Guess(1.01, s) for s in (_cone_through(facets, trio) for trio in [*trios, ring]) if s]
     # where strips and trios explain all around them, the fits that take longest could explain no more
-    if len(ring) >= 8 and any(len(members_of(guess, state, 1.0, ring)) == len(ring) for _, guess in out):
+    if len(ring) >= 8 and any(len(members_of(guess, state, 1.0, ring)) == len(ring) for _, guess, _ in out):
         return out
     if state.config.elliptic:
-        out += [(0.97, s) for s in elliptic_guesses(seed, near, state)]
+        out += [Guess(0.97, s) for s in elliptic_guesses(seed, near, state)]
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
-        if len(inner := _inner_corners(facets, ring)) >= MIN_POINTS["sphere"]:
-            out.append((1.0, _fit_freely("sphere", inner.tobytes())))
+        # where a cut turns away gently its own corners pass for inner ones, but for the ring that keeps off it
+        for own in (ring, ring_of(seed, alike, state, 30, GENTLE)):
+            if len(inner := _inner_corners(facets, own)) >= MIN_POINTS["sphere"]:
+                out.append(Guess(1.0, _fit_freely("sphere", inner.tobytes())))
         # a small ring keeps clear of cuts, a wide one is more exact
         for around in _rings(seed, alike, state):
             chosen = points_of(facets, around)
             if len(chosen) >= 5:
-                out.append((1.0, _fit_freely("sphere", chosen.tobytes())))
-            if len(chosen) >= LEAST_CORNERS and not lies_on(out[-1][1], chosen, facets.diagonal):
+                out.append(Guess(1.0, _fit_freely("sphere", chosen.tobytes())))
+            if len(chosen) >= LEAST_CORNERS and not lies_on(out[-1].surface, chosen, facets.diagonal):
                 found = _quadric_ellipsoid(chosen.tobytes())
-                out += [(0.9, s) for s in (found,) if s and lies_on(s, chosen, NEAR_CUTS * facets.diagonal)]
+                out += [Guess(0.9, s) for s in (found,) if s and lies_on(s, chosen, NEAR_CUTS * facets.diagonal)]
         if len(ring) >= 8:
-            out.append((0.95, _fit_freely("torus", points.tobytes(), point_normals.tobytes(), 15)))
+            out.append(Guess(0.95, _fit_freely("torus", points.tobytes(), point_normals.tobytes(), 15)))
     return out
 
 
@@ -206,6 +221,31 @@ def _cylinder_through(facets: Facets, pair: np.ndarray) -> Surface:
     center = solution[:3] - solution[:3] @ axis * axis
     radius = float(np.sqrt(max(solution[3] + center @ center, 1e-24)))
     return Surface("cylinder", vec(middle + center), vec(axis), (radius,))
+
+
+def _cylinder_of_strip(facets: Facets, seed: int, beside: list[int]) -> Iterator[Surface]:
+    """The cylinder that a whole strip tells alone where it turns to strips on both sides by the same angle, of which cuts may have left any
+    part: the sides of a regular polygon have one width and one turn. None where the surface goes on as evenly across: that is a ball's."""
+    facing, center = facets.normals[seed], facets.centers[seed]
+    turns = np.cross(facing, facets.normals[beside]).reshape(-1, 3)
+    sines = np.linalg.norm(turns, axis=1)
+    pairs = itertools.combinations(range(len(beside)), 2)
+    pair = next((p for p in pairs if np.linalg.norm(turns[p[0]] + turns[p[1]]) < SAME_TURN * sines[p[0]]), None)
+    if pair is None:
+        return
+    sine, axis = float(sines[pair[0]]), turns[pair[0]] / sines[pair[0]]
+    even = (sines < 2 * sine) & (sines > 0.5 * sine) & (facets.areas[beside] > ALIKE * facets.areas[seed])
+    if (even & (np.abs(turns @ axis) < 0.5 * sines)).any():
+        return
+    across, corners = cross(axis, facing), points_of(facets, np.array([seed]))
+    span = corners @ across
+    if np.minimum(span - span.min(), span.max() - span).max() > STRAIGHT * facets.diagonal:
+        return  # cut itself
+    other = beside[pair[0]]
+    half, angle = float(np.ptp(span)) / 2, math.atan2(sine, float(facing @ facets.normals[other])) / 2
+    inwards = -facing if (facets.centers[other] - center) @ facing < 0 else facing
+    middle = center + (float(span.min()) + half - float(center @ across)) * across
+    yield Surface("cylinder", vec(middle + half / math.tan(angle) * inwards), vec(axis), (half / math.sin(angle),))
 
 
 def _cone_through(facets: Facets, chosen: np.ndarray) -> Surface | None:

@@ -19,6 +19,7 @@ from imdim.geometry.surface import FRAMED, Surface, is_spindle, normals, signed_
 LEAST_STEPS = {"sphere": 2.5, "torus": 4.5, "ellipsoid": 3.5}
 LEAN = 0.6  # of what it leans by at a corner: what a facet may lean by in its middle
 LEVEL = math.radians(2.0)  # beside that
+SLIVERS = 0.3  # of a facet's area, up to which triangles tell nothing of how it leans
 MOSTLY = 0.75  # of its corners, that lie on an elliptic cylinder
 PARTED = 0.3  # of what a sphere's facets span one way, from which a gap between them parts two bands,
 LEVEL_SHARE = 0.02  # of which each is between two circles, where its corners are as near to these
@@ -116,17 +117,26 @@ def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray
     triangles = np.flatnonzero(state.free[facets.facet_of]) if among is None else facets.triangles(among)
     state.spent += len(triangles)
     carrier = Carrier.of(surface)
-    fine = triangles[lie_within(carrier, facets.corners, triangles, slack * config.on_surface * facets.diagonal)]
+    fine = triangles[lie_within(carrier, facets.corners, facets.turns, triangles, slack * config.on_surface * facets.diagonal)]
     if not len(fine):  # as of most guesses
         return fine
     facing = facets.normals[facets.facet_of[fine]]
     along, middle, off = follow(carrier, facets.corners, facing, fine, 10 * config.on_surface * facets.diagonal)
-    # a disc inside a torus's topmost circle follows the torus at its corners alone
-    leans = np.arccos(np.minimum(middle, 1)) > LEAN * np.arccos(np.minimum(along, 1)) + LEVEL
-    along[leans & (not curved)] = 0.0
+    if not curved:
+        along[_lean(facets, fine, along, middle)] = 0.0
     own, count = np.unique(facets.facet_of[fine[along >= np.cos(np.radians(config.follow_deg))]], return_counts=True)
     whole = own[count == facets.triangle_counts[own]]
     return whole if curved else _without_flats(whole, facets.facet_of[fine], along, off, state)
+
+
+def _lean(facets: Facets, fine: np.ndarray, along: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Which of the `fine` triangles [t] are of facets that follow a carrier at their corners alone, as a disc inside a torus's topmost
+    circle does: most of them leans in its `middle` [t] by almost as much as at the corners, both given as cosines, where `along` [t] is the
+    least of these. Slivers along a facet's edge, where a cut has split it, lean as that edge does and tell nothing."""
+    leans = np.arccos(np.minimum(middle, 1)) > LEAN * np.arccos(np.minimum(along, 1)) + LEVEL
+    owners = facets.facet_of[fine]
+    leaning = np.bincount(owners, facets.triangle_areas[fine] * leans, len(facets.areas))
+    return (leaning > SLIVERS * facets.areas)[owners]
 
 
 def to_ball(surface: Surface, direction: np.ndarray) -> np.ndarray:

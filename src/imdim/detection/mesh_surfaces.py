@@ -27,6 +27,8 @@ from imdim.geometry.surface import CLOSED_KINDS, Patch, Surface, normals, signed
 
 DRAWN_ON = 1e-5  # of the diagonal
 FLAT_ACROSS = 1e-4  # sine, by which normals leave a plane
+CONFIRMED = 5  # whole strips, before a cylinder is believed that one of them tells: two beside one lie on some cylinder anyway
+NEAR_GUESS = 5.0  # tolerances, within which a carrier is guessed from a few facets
 
 
 class Shown(NamedTuple):
@@ -113,10 +115,14 @@ def _absorb(shown: list[Shown], state: Growing) -> list[Shown]:
 def _take(found: tuple[Surface, np.ndarray], state: Growing) -> Shown:
     """A carrier with its facets, and those beside them that a cut has left on chords: none of them is free any longer."""
     (surface, members), facets = found, state.facets
-    slack = 1.0 + sagitta(surface, facets, members) / (state.config.on_surface * facets.diagonal)
-    members = np.union1d(members, members_of(surface, state, slack))
+    members = np.union1d(members, members_of(surface, state, 1.0 + _chord_slack(surface, members, state)))
     state.free[members] = False
     return Shown(_patch(surface, facets, members), members)
+
+
+def _chord_slack(surface: Surface, members: np.ndarray, state: Growing) -> float:
+    """In tolerances how far off a carrier a cut may leave corners of these facets."""
+    return sagitta(surface, state.facets, members) / (state.config.on_surface * state.facets.diagonal)
 
 
 def _grow_from(seed: int, state: Growing) -> tuple[Surface, np.ndarray] | None:
@@ -124,15 +130,18 @@ def _grow_from(seed: int, state: Growing) -> tuple[Surface, np.ndarray] | None:
     around = ring_of(seed, state.neighbours[seed], state, 12)
     found: list[tuple[float, Surface, np.ndarray]] = []
 
-    def try_out(preference: float, guess: Surface, drawn: bool = False) -> None:
+    def try_out(preference: float, guess: Surface, cut: bool = False, drawn: bool = False) -> None:
         # most guesses fail where they were made, which is far cheaper to see than over the whole mesh
-        settled = _settle_curved(guess, state) if len(members_of(guess, state, 5.0, around)) > 1 else None
-        if settled is None or seed not in settled[1] or (drawn and not _is_drawn(*settled, state.facets)):
+        slack = NEAR_GUESS + (_chord_slack(guess, np.array([seed]), state) if cut else 0.0)
+        settled = _settle_curved(guess, state) if len(members_of(guess, state, slack, around)) > 1 else None
+        if settled is None or seed not in settled[1] or (cut and len(settled[1]) < CONFIRMED):
+            return
+        if drawn and not _is_drawn(*settled, state.facets):
             return
         found.append((float(state.facets.areas[settled[1]].sum()) * preference, *settled))
 
-    for preference, guess in hypotheses(seed, state):
-        try_out(preference, guess)
+    for guess in hypotheses(seed, state):
+        try_out(*guess)
     for cone in cone_in_rings(seed, state):
         try_out(1.0, cone, drawn=True)
     for kind in ("cone", "cylinder"):
