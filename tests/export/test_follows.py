@@ -375,3 +375,49 @@ def test_notches_of_a_rim_grow_into_it():
     name = next(name for name in part.values if name.endswith("_length"))
     for low, high in _teeth_reach(change_values(part, {name: 5.0}).program):
         assert (low, high) == pytest.approx((16.0, 21.0), abs=1e-5)
+
+
+def _with_arms(ring, low, high, count=6):
+    """A ring with boxes along its spokes, from where to where each goes from the axis."""
+    length, away = high - low, (low + high) / 2
+    turns = [360.0 * k / count for k in range(count)]
+    places = [(away * math.cos(math.radians(t)), away * math.sin(math.radians(t))) for t in turns]
+    arms = [Primitive("box", (length, 4.0, 6.0), (x, y, 0.0), (0.0, 0.0, t)) for t, (x, y) in zip(turns, places, strict=True)]
+    return reduce(partial(Combine, "union"), arms, ring)
+
+
+def _arms_reach(program):
+    boxes = [p for p in leaves(program) if p.kind == "box"]
+    return [(math.hypot(*p.center[:2]) - p.size[0] / 2, math.hypot(*p.center[:2]) + p.size[0] / 2) for p in boxes]
+
+
+def test_tabs_that_begin_in_a_bore_go_outwards_with_it_and_stay_as_long():
+    tube = Combine("difference", Primitive("cylinder", (30.0, 20.0)), Primitive("cylinder", (28.0, 22.0)))
+    part = opened(_with_arms(tube, 28.0, 40.0))
+    (length,) = (name for name, value in part.values.items() if value == 12.0)
+    (bore,) = (name for name, value in part.values.items() if value in (56.0, 2.0))
+    assert not any(name.endswith("circle") for name in part.values)
+    wider = change_values(part, {bore: 60.0 if part.values[bore] == 56.0 else 1.0}).program
+    inner = min(p.size[0] for p in leaves(wider) if p.kind == "cylinder")
+    assert inner > 28.0
+    assert _arms_reach(wider) == [pytest.approx((inner, inner + 12.0))] * 6
+    assert _arms_reach(change_values(part, {length: 15.0}).program) == [pytest.approx((28.0, 43.0))] * 6
+
+
+def test_spokes_are_as_long_as_hub_and_rim_are_apart():
+    """They go on into the rim by what is not seen of them."""
+    hub, wheel = Primitive("cylinder", (8.0, 20.0)), Primitive("cylinder", (40.0, 20.0))
+    rim = Combine("union", Combine("difference", wheel, Primitive("cylinder", (30.0, 22.0))), hub)
+    part = opened(_with_arms(rim, 8.0, 30.0))
+    assert sorted(part.values.values()) == [4.0, 6.0, 16.0, 20.0, 60.0, 80.0]
+    (_, sunk), *_ = _arms_reach(part.program)
+    for value, wanted in ((16.0, (10.0, sunk)), (60.0, (8.0, sunk + 5.0))):
+        (name,) = (name for name, own in part.values.items() if own == value)
+        edited = change_values(part, {name: 20.0 if value == 16.0 else 70.0}).program
+        assert _arms_reach(edited) == [pytest.approx(wanted)] * 6
+
+
+def test_arms_that_begin_at_the_axis_do_so_however_long():
+    part = opened(_with_arms(Primitive("cylinder", (8.0, 20.0)), 0.0, 30.0))
+    (name,) = (name for name, value in part.values.items() if value == 30.0)
+    assert _arms_reach(change_values(part, {name: 36.0}).program) == [pytest.approx((0.0, 36.0))] * 6

@@ -29,7 +29,7 @@ from imdim.export.outline_walls import EXACT, RoundWall
 from imdim.export.own_directions import find_own_directions
 from imdim.export.reduction import ZERO, Reduced
 from imdim.export.repeat_rows import add_repeats
-from imdim.export.rim_seats import stand_on_rims
+from imdim.export.rim_seats import end_in_walls, stand_on_rims
 from imdim.export.round_contacts import bind_plugs, find_stacked
 from imdim.export.round_seats import seats_at_rounds
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
@@ -61,9 +61,9 @@ class LinearSystem:
     `reaches` such for its sizes, once its place is known.
     `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
     turned ones whose centre is at half of it. `angles` are variables in degrees, `on_circles` the places of what stands on a circle,
-    `on_rims` those of them whose circle follows a round wall, and that circle, `of_bores` circles and heights of cuts that follow those of
-    what they go through. Leaves that `twins` gives one number are as deep or as high as each other by one name, where they are so now;
-    `gaps` has for each variable of one the other leaf.
+    `on_rims` those of them whose circle follows a round wall, and that circle, `followers` what follows before anything else does: circles
+    and heights of cuts that go through others, and of what ends in round walls. Leaves that `twins` gives one number are as deep or as
+    high as each other by one name, where they are so now; `gaps` has for each variable of one the other leaf.
     """
 
     start: list[float]
@@ -82,7 +82,7 @@ class LinearSystem:
     angles: set[int] = field(default_factory=set)
     on_circles: set[int] = field(default_factory=set)
     on_rims: set[int] = field(default_factory=set)
-    of_bores: set[int] = field(default_factory=set)
+    followers: set[int] = field(default_factory=set)
     twins: Mapping[int, int] = field(default_factory=dict)
     gaps: dict[int, int] = field(default_factory=dict)
 
@@ -112,6 +112,7 @@ class LinearSystem:
         whole = program if delivered is None else delivered
         if folded is not None:
             system.rows += stand_on_rims(system, whole, folded)
+            system.rows += end_in_walls(system, program, folded)
             system.rows += bind_bores(system, program, folded)
         hidden = find_hidden_ends(whole)
         at_walls = list(seats_at_walls(program, system.walls, hidden))
@@ -243,7 +244,7 @@ class LinearSystem:
         """Variables in the order in which they are eliminated: what a person would measure last."""
         # of diameters that are equal the first stays, and of spacings of holes
         extra = sorted(range(self.extra, len(self.start)), key=lambda v: (self.rank(v), -v if self._is_shared(v) else v))
-        return sorted([*sorted(range(self.extra), key=lambda v: (v % 6 < 3, -v)), *extra], key=lambda v: v not in self.of_bores)
+        return sorted([*sorted(range(self.extra), key=lambda v: (v % 6 < 3, -v)), *extra], key=lambda v: v not in self.followers)
 
     def _is_shared(self, v: int) -> bool:
         """Whether a further variable is one that later leaves are equal to."""

@@ -1,4 +1,5 @@
-"""Drawn parts in a circle that go through a round wall about its axis, such as teeth on a rim: their circle follows that wall."""
+"""Parts in a circle that go through a round wall about its axis, as teeth of a rim do, or end in one, as spokes do: their circle follows
+it."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from imdim.export.outline_joints import Row, X, Y, sum_rows
 from imdim.export.outline_walls import EXACT, NO_RADIUS, RoundWall
+from imdim.export.round_seats import EnteredWall, list_round_walls
 from imdim.export.seats import reach_of, world_axis
 from imdim.geometry.kernels import inside
 from imdim.geometry.lowering import Lowered, lower
@@ -17,7 +19,7 @@ from imdim.program.motions import turn
 from imdim.program.outline import flatten_loop
 from imdim.program.repeats import Folded, repeats, size
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves
 
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
@@ -73,6 +75,62 @@ def stand_on_rims(system: LinearSystem, program: Program, folded: Folded) -> Ite
         system.on_rims |= {circles[first], *(6 * leaf + 3 + a for leaf in ring.leaves for a in range(3))}
         own = _find_end(ring, end, system.drawn[first])
         yield sum_rows(({circles[first]: 0.5}, 1.0), (own, 1.0), (wall.size, -1.0))
+
+
+class _Spokes(NamedTuple):
+    """Equal parts along the spokes of a circle: the leaves, a `point` of its `axis`, which is one of the world's, how far `away` from that
+    their centres are, the place of their length in the sizes, and that length."""
+
+    leaves: range
+    point: tuple[float, ...]
+    axis: int
+    away: float
+    column: int
+    length: float
+
+
+def end_in_walls(system: LinearSystem, program: Program, folded: Folded) -> Iterator[Row]:
+    """Of each circle of parts along its spokes that end in a round wall, or at the axis, that they do: tabs go outwards with the bore that
+    they begin in, as long as they are, and spokes between a hub and a rim are as long as these are apart."""
+    circles = {leaf: v for v, (leaf, word) in enumerate(system.extras, system.extra) if word == "circle"}
+    parts, sign, slack = list(leaves(program)), signs(program), EXACT * system.length
+    walls = [wall for i, p in enumerate(parts) for wall in list_round_walls(system, i, p, sign[i] > 0)]
+    for spokes in _list_spokes(parts, folded):
+        first = spokes.leaves[0]
+        about = [w for w in walls if first in circles and _is_about(w, spokes, parts, slack)]
+        for way in (-1, 1):
+            end = spokes.away + way * spokes.length / 2
+            row = {} if abs(end) <= slack else next((wall.size for wall in about if abs(wall.radius - end) <= slack), None)
+            if row is None or first not in circles:
+                continue
+            circle, length = circles[first], 6 * first + spokes.column
+            system.followers.add(length if circle in system.followers else circle)
+            system.on_rims |= {circle, *(6 * leaf + 3 + a for leaf in spokes.leaves for a in range(3))}
+            yield sum_rows(({circle: 0.5, length: 0.5 * way}, 1.0), (row, -1.0))
+
+
+def _list_spokes(parts: Sequence[Primitive], folded: Folded) -> Iterator[_Spokes]:
+    for first, repeat in repeats(folded):
+        axis, part = world_axis(np.array(repeat.axis)), parts[first]
+        if repeat.kind != "circular" or repeat.counts[0] < LEAST or size(repeat.part) > 1 or axis is None:
+            continue
+        arm = np.subtract(part.center, repeat.point)
+        arm[axis] = 0.0
+        away, turn = float(np.linalg.norm(arm)), exact_rotation(part)
+        for local, column in FLAT_ENDS.get(part.kind, {}).items():
+            if away and abs(arm @ turn[:, local]) > (1 - LEVEL) * away:
+                yield _Spokes(range(first, first + repeat.number), repeat.point, axis, away, column, part.size[column])
+
+
+def _is_about(wall: EnteredWall, spokes: _Spokes, parts: Sequence[Primitive], slack: float) -> bool:
+    """Whether a round wall that is none of theirs lies about the axis of spokes, beside them."""
+    if wall.axis != spokes.axis or wall.leaf in spokes.leaves:
+        return False
+    if any(abs(parts[wall.leaf].center[a] - spokes.point[a]) > slack for a in range(3) if a != wall.axis):
+        return False
+    part = parts[spokes.leaves[0]]
+    low, high = reach_of(part, exact_rotation(part))
+    return wall.run[0] < high[wall.axis] - slack and wall.run[1] > low[wall.axis] + slack
 
 
 def _list_rings(parts: Sequence[Primitive], folded: Folded) -> Iterator[_Ring]:

@@ -60,7 +60,7 @@ def bind_bores(system: LinearSystem, program: Program, folded: Folded) -> Iterat
     found = list(_list_spokes(system, parts, folded))
     for bore, boss in product((s for s in found if sign[s.leaf] < 0), (s for s in found if sign[s.leaf] > 0)):
         if bore.goes_through(boss, slack) and not bore.shows_end(program, slack):
-            system.of_bores |= {bore.circle, bore.height}
+            system.followers |= {bore.circle, bore.height}
             yield {bore.circle: 1.0, boss.circle: -1.0}
             yield {bore.height: 1.0, boss.height: -1.0}
 
