@@ -240,6 +240,22 @@ def test_a_coarse_bore_is_round_though_its_edges_were_split(facets):
     assert sum(p.surface.kind == "plane" for p in patches) == 6
 
 
+def test_two_whole_rings_of_a_coarse_dome_are_a_ball_s():
+    """They lie beside its equator, where three circles are on no ball but for its own."""
+    dome = polar_ball(15.0, 16) ^ Manifold.cube([40.0, 40.0, 20.0]).translate([-20.0, -20.0, 0.0])
+    patches = detect_patches(to_trimesh(dome - turned_post(4.0, 40.0, 16, z=-10.0)))
+    curved = {(p.surface.kind, round(p.surface.sizes[0], 3)) for p in patches if p.surface.kind != "plane"}
+    assert curved == {("sphere", 15.0), ("cylinder", 4.0)}
+
+
+@pytest.mark.parametrize(("radius", "is_round"), [(2.0, True), (16.0, False)])
+def test_ten_sides_are_a_polygon_where_a_circle_would_be_another_part(radius, is_round):
+    block = Manifold.cube([80.0, 40.0, 20.0], True) - turned_post(radius, 30.0, 10, z=-15.0)
+    patches = detect_patches(to_trimesh(block))
+    assert any(p.surface.kind == "cylinder" for p in patches) == is_round
+    assert sum(p.surface.kind == "plane" for p in patches) == (6 if is_round else 16)
+
+
 def test_a_coarse_ball_is_one_sphere_where_gentle_cuts_meet_it():
     """A cube's faces and three bores leave a 30-sided ball eight corners, and corners of cuts in which three gentle facets meet."""
     bores = [turned_post(6.5, 50.0, 30, z=-25.0).rotate(way) for way in ([0.0, 0.0, 0.0], [90.0, 0.0, 0.0], [0.0, 90.0, 0.0])]

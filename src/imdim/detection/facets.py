@@ -54,6 +54,12 @@ class Facets:
         return np.linalg.norm(np.cross(*(corner - first for corner in others)), axis=1) / 2
 
     @cached_property
+    def volume(self) -> float:
+        """What the mesh encloses, if it does."""
+        middle = self.corners.reshape(-1, 3).mean(0)
+        return abs(float(np.linalg.det(self.corners - middle).sum())) / 6
+
+    @cached_property
     def distinct(self) -> tuple[np.ndarray, np.ndarray]:
         """The distinct corners [v, 3], in order, and for each triangle [f, 3] their numbers."""
         points, place = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)

@@ -17,6 +17,8 @@ from imdim.geometry.surface import FRAMED, Surface, is_spindle, normals, signed_
 
 # facets along a patch; four circles of corners may lie on a torus by mere symmetry, three similar ellipses on an ellipsoid
 LEAST_STEPS = {"sphere": 2.5, "torus": 4.5, "ellipsoid": 3.5}
+WIDER, FAR_MORE = 3.0, 1.5  # tolerances about a carrier, in which times as many facets as lie on it are far more
+LOPSIDED, LOPSIDED_STEPS = 0.3, 0.6  # of what a ball's band spans, by which its middle is off the equator; what that is worth in steps
 LEAN = 0.6  # of what it leans by at a corner: what a facet may lean by in its middle
 LEVEL = math.radians(2.0)  # beside that
 SLIVERS = 0.3  # of a facet's area, up to which triangles tell nothing of how it leans
@@ -27,6 +29,8 @@ UNROUND = 4e-4  # of the diagonal, by which the semi-axes of an ellipse differ; 
 FEW_STRIPS, STANDS_OUT = 7, 4.0  # of a cylinder, among which one that is wider by more than this factor is a flat between strips of others
 ONE_FACET = 0.7  # of a curved patch's area: one facet that has more of it is a flat between strips of roundings
 DRAWN_FLAT = 0.01  # of the diagonal: OpenSCAD's usual 30 sides lie a fifth of that within a circle as large as the part
+FEW_SIDES = 12.5  # of a circle, which a person may have meant as a polygon's
+POLYGON = 0.003  # of the part's volume, by which it would be another with the circle instead of the polygon
 LEAST_TURN = {"ellipsoid": 30.0, "elliptic": 60.0}  # degrees, on the ball; any smooth surface is one for less
 
 
@@ -37,18 +41,21 @@ def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
     if len(members) < 2 or not _sane(surface, facets.diagonal):
         return None
     for _ in range(4):
-        points = points_of(facets, members)
-        if len(points) < max(7, MIN_POINTS[surface.kind]):
+        fitted = _refit(surface, members, state)
+        if fitted is None:
             return None
-        surface, rms = _fit_carrier(surface, subsample(points, 1500), facets, members, config)
-        if not _sane(surface, facets.diagonal) or rms > config.on_surface * facets.diagonal:
-            return None
-        grown = members_of(surface, state, 1.0)
+        surface, grown = fitted
         if len(grown) == len(members) and loose == 1.0:
             break
         members, loose = grown, 1.0
         if len(members) < 2:
             return None
+    # some facets lie on a carrier that leans, too: where far more are near it, and these lie on one more exactly, that is theirs
+    near = members_of(surface, state, WIDER)
+    if len(near) > FAR_MORE * len(members) and (fitted := _refit(surface, near, state)) is not None:
+        grows = facets.areas[fitted[1]].sum() > facets.areas[members].sum()
+        if grows and _typical_miss(*fitted, facets) < _typical_miss(surface, members, facets):
+            surface, members = fitted
     if not believable(surface, members, facets):
         return None
     surface = _polish(surface, facets, members, config)
@@ -56,6 +63,23 @@ def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
     share = MOSTLY if surface.kind == "elliptic" else 0.5
     was_drawn = surface.kind not in FRAMED or lies_on(surface, points_of(facets, members), facets.diagonal, share)
     return (surface, members) if was_drawn else None
+
+
+def _typical_miss(surface: Surface, members: np.ndarray, facets: Facets) -> float:
+    """How far off a carrier half of the corners of its facets lie at most."""
+    return float(np.median(np.abs(signed_distance(surface, points_of(facets, members)))))
+
+
+def _refit(surface: Surface, members: np.ndarray, state: Growing) -> tuple[Surface, np.ndarray] | None:
+    """A carrier that fits its facets, and the facets that lie on that; None where there are too few, or it does not fit."""
+    facets, config = state.facets, state.config
+    points = points_of(facets, members)
+    if len(points) < max(7, MIN_POINTS[surface.kind]):
+        return None
+    surface, rms = _fit_carrier(surface, subsample(points, 1500), facets, members, config)
+    if not _sane(surface, facets.diagonal) or rms > config.on_surface * facets.diagonal:
+        return None
+    return surface, members_of(surface, state, 1.0)
 
 
 def _fit_carrier(
@@ -184,9 +208,15 @@ def believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
 
 
 def _is_drawn_flat(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
-    """Whether strips lie so far within a cylinder that no tessellation is as coarse: they are the sides of a polygon."""
+    """Whether strips lie so far within a cylinder that no tessellation is as coarse, or so far that few of them would be round at the cost
+    of much of the part: they are the sides of a polygon."""
     apothems = np.abs(((facets.centers[members] - surface.point) * facets.normals[members]).sum(1))
-    return bool(surface.sizes[0] - np.median(apothems) > DRAWN_FLAT * facets.diagonal)
+    radius, apothem = surface.sizes[0], float(np.median(apothems))
+    depth = radius - apothem
+    if depth > DRAWN_FLAT * facets.diagonal:
+        return True
+    has_few = math.cos(math.pi / FEW_SIDES) > apothem / radius
+    return has_few and 2 / 3 * depth * float(facets.areas[members].sum()) > POLYGON * facets.volume
 
 
 def _stands_out(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
@@ -222,7 +252,11 @@ def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float
         # the axis of a band, the pole of a cap
         own = np.linalg.eigh(np.cov(direction.reshape(-1, 3).T))[1]
         latitudes = [np.arcsin(np.clip(direction @ axis, -1, 1)) for axis in own.T]
-        return 1.0 if any(_are_two_bands(angles) for angles in latitudes) else _turns(latitudes[0], areas)
+        if any(_are_two_bands(angles) for angles in latitudes):
+            return 1.0
+        steps, low, high = _turns(latitudes[0], areas), latitudes[0].min(), latitudes[0].max()
+        # of three circles two lie on a ball about the middle between these, whatever they are, and no third beside it
+        return steps + LOPSIDED_STEPS if abs(low + high) > LOPSIDED * (high - low) else steps
     frame = frame_from_axis(np.asarray(surface.axis))
     local = (corners - surface.point) @ frame
     around = np.arctan2(local[..., 1], local[..., 0])
