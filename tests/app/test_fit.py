@@ -522,6 +522,21 @@ def test_the_seed_reaches_the_reconstruction(part, tmp_path, monkeypatch):
     assert drawn[0] == drawn[1] == np.random.default_rng(0).random() != drawn[2]
 
 
+def test_the_budget_runs_from_when_the_command_began(part, tmp_path, monkeypatch):
+    """What loads before is part of what a user waits for."""
+    given = []
+    monkeypatch.setattr("imdim.delivery.deliver.deliver", lambda *_, **__: {})
+
+    def draw(target, settings, rng):
+        given.append(settings.budget_s)
+        yield Snap("search", BOX, 0.0, 0.0)
+
+    for late in (0.0, 7.0):
+        settings = Settings(input=str(part), output=str(tmp_path / "out"), budget_s=60.0)
+        fit(settings, draw, began=time.perf_counter() - late)
+    assert given[0] - given[1] == pytest.approx(7.0, abs=0.5)
+
+
 def test_what_is_mostly_left_out_does_not_end_well(tmp_path, capsys):
     """A box for a tower of which it is the foot: files are written, but last line and exit status say that they are not the part."""
     tower = trimesh.creation.box((1.0, 2.0, 30.0))

@@ -70,9 +70,10 @@ def main(
     """
     sys.excepthook = one_line
     gc.set_threshold(RARELY, *gc.get_threshold()[1:])
+    began = time.perf_counter()
     try:
         settings = name_output(settings_of())
-        report = _fit_or_refuse(settings, reconstruct, quiet, force)
+        report = _fit_or_refuse(settings, reconstruct, quiet, force, began)
     except ConfigError as error:
         sys.stderr.write(f"imdim: {error}\n")
         return BAD_INPUT
@@ -101,7 +102,7 @@ def _dumps(report: Mapping[str, Any]) -> str:
     return dumps(report)
 
 
-def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None, quiet: bool, force: bool) -> dict[str, Any]:
+def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None, quiet: bool, force: bool, began: float) -> dict[str, Any]:
     """As `fit`, with every refusal a ConfigError; imports the numeric libraries, which a misspelt setting need not wait for."""
     gc.disable()
     try:
@@ -114,13 +115,17 @@ def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None, quiet: b
         gc.enable()
 
     try:
-        return fit(settings, reconstruct, quiet, force)
+        return fit(settings, reconstruct, quiet, force, began)
     except (InputError, OutputError) as error:
         raise ConfigError(str(error)) from error
 
 
-def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool = False, force: bool = False) -> dict[str, Any]:
+def fit(
+    settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool = False, force: bool = False, began: float | None = None
+) -> dict[str, Any]:
     """Reconstruct ``settings.input`` into the folder ``settings.output`` and return the report that was written there.
+
+    The budget runs from when the clock showed `began`, by default now.
 
     Progress and notes go to stderr unless it is to be `quiet`. Raises ConfigError where input or output is not given, OutputError where the
     folder cannot be written, or holds results that were changed by hand unless told to `force`, and InputError where the input cannot be
@@ -138,7 +143,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
     from imdim.target.placement import place
     from imdim.target.target import load_target, printable
 
-    folder, start = Path(settings.output), time.perf_counter()
+    folder, start = Path(settings.output), time.perf_counter() if began is None else began
     check_writable(folder)
     if not force:
         check_untouched(folder)

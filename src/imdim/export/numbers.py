@@ -158,12 +158,16 @@ def simple_fraction(value: float) -> Fraction | float:
     return fraction if abs(float(fraction) - value) < 1e-9 else value
 
 
-def angle_on_circle(coefficient: float) -> float | None:
-    """The degrees, in halves, whose cosine times a diameter is twice `coefficient` times it; None where there are none."""
-    if not 0 < coefficient < 0.5:
-        return None
-    degrees = round(2 * math.degrees(math.acos(2 * coefficient))) / 2
-    return degrees if abs(math.cos(math.radians(degrees)) - 2 * coefficient) < ON_CIRCLE else None
+def angle_on_circle(coefficient: float) -> tuple[int, float] | None:
+    """A divisor and the degrees, in halves, whose cosine over that is a coefficient; None where there are none. A diameter is halved, and
+    what lies midway between two of them is a quarter of each."""
+    for divisor in (2, 4, 1):
+        cosine = divisor * coefficient
+        if 0 < cosine < 1:
+            degrees = round(2 * math.degrees(math.acos(cosine))) / 2
+            if abs(math.cos(math.radians(degrees)) - cosine) < ON_CIRCLE:
+                return divisor, degrees
+    return None
 
 
 def weighted_sum(*parts: tuple[Expression, Fraction | float]) -> Expression:
@@ -207,9 +211,10 @@ def write_sizes(leaf: Primitive, sizes: Sequence[Expression], rounding: Rounding
 
 def _term(term: Term, circled: bool) -> str:
     sign, size = "-" if term.coefficient < 0 else "", abs(term.coefficient)
-    degrees = angle_on_circle(size) if circled and isinstance(size, float) else None
-    if degrees is not None:
-        return f"{sign}{term.name}/2*cos({degrees:g})"
+    found = angle_on_circle(size) if circled and isinstance(size, float) else None
+    if found is not None:
+        divisor, degrees = found
+        return f"{sign}{term.name}{f'/{divisor}' if divisor > 1 else ''}*cos({degrees:g})"
     if isinstance(size, float):
         return f"{sign}{term.name}*{plain(round(size, 12))}"
     text = term.name if size.numerator == 1 else f"{size.numerator}*{term.name}"

@@ -73,7 +73,8 @@ class OutlineDimensions:
         self._add_lines()
         rounds = [*self.joints.centers, *(r.center for r in self.joints.regular if r)]
         centers = [(axis, c[axis]) for c in rounds for axis in (X, Y)]
-        self._add("center", centers, ("hole_spacing_x", "hole_spacing_y"), ("hole_x", "hole_y"))
+        across = "ring_radius" if self.part.kind == "revolve" else "hole_x"
+        self._add("center", centers, ("hole_spacing_x", "hole_spacing_y"), (across, "hole_y"))
         self._add_arcs(rounds)
         for inner, prefix in ((False, ""), (True, "window_")):
             self._add_corners(inner, prefix, about_ends=True)

@@ -34,6 +34,7 @@ from imdim.geometry.solid import bounds_of, to_manifold
 from imdim.program.constraints import Constraint, scale_constraints
 from imdim.program.cost import CURVE_PRICES
 from imdim.program.front import Choice
+from imdim.program.rewrite.part_turns import turn_part_way
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.rewrite.stacks import stack_turned_parts
 from imdim.program.tree import Program
@@ -159,7 +160,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         if found is None:
-            last = replace(last, program=_arrange(_round(last.program, seen, frame, fit_by, work.own), fit_by))
+            rounded = _round(last.program, seen, frame, fit_by, work.own)
+            last = replace(last, program=_arrange(rounded, fit_by, settings.language == "cad"))
         else:
             fit_by = leave_time_to_deliver(last.program, budget.part_of("measure", share), ALLOWED_AFTER_S)
             measured = snap_measured(last.program, found, frame.to_world(seen.target.points), fit_by)
@@ -284,15 +286,17 @@ def _snap(program: Program, seen: Observation, frame: Frame, deadline: Deadline,
     return placed.apply(snap_numbers(turn_back(program, placed), seen, frame.within(placed), deadline))
 
 
-def _arrange(program: Program, deadline: Deadline) -> Program:
-    """The same solid as a person writes it: cutters that end where they leave the part, turned parts as stacks, the body first and its
-    cuts last, bodies that are cut in two as two, bosses that begin at the base, rails between posts, and cuts that end with what they cut,
-    in the order of what they serve; as far as time allows."""
+def _arrange(program: Program, deadline: Deadline, drawn: bool) -> Program:
+    """The same solid as a person writes it: cutters that end where they leave the part, turned parts as stacks and, where outlines may be
+    `drawn`, by less than a whole turn in place of what a box cuts off, the body first and its cuts last, bodies that are cut in two as two,
+    bosses that begin at the base, rails between posts, and cuts that end with what they cut, in the order of what they serve; as far as
+    time allows."""
     if deadline.has_passed():
         return program
     # numbers that have become equal make one bore of two
     program = preserve(program, reduce_program(program, deadline=deadline), deadline=deadline)
     program = preserve(program, draw_back(program, deadline), deadline=deadline)
+    program = preserve(program, turn_part_way(program), deadline=deadline) if drawn else program
     bounds = bounds_of(to_manifold(program, CHECK_SEGMENTS))
 
     def is_plainer(new: Program, old: Program) -> bool:
