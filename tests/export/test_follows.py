@@ -421,3 +421,17 @@ def test_arms_that_begin_at_the_axis_do_so_however_long():
     part = opened(_with_arms(Primitive("cylinder", (8.0, 20.0)), 0.0, 30.0))
     (name,) = (name for name, value in part.values.items() if value == 30.0)
     assert _arms_reach(change_values(part, {name: 36.0}).program) == [pytest.approx((0.0, 36.0))] * 6
+
+
+@pytest.mark.parametrize("angle", [90.0, 360.0])
+def test_an_elbow_has_one_radius(angle):
+    """Its bore, and the straight ends that go on from it, lie as far from its axis as it is bent about it."""
+    circles = [Outline((((r_major - r, 0.0, 1.0), (r_major + r, 0.0, 1.0)),)) for r_major, r in ((25.0, 8.0),)]
+    bent = Primitive("torus", (25.0, 8.0)) if angle == 360.0 else Primitive("revolve", (angle,), outline=circles[0])
+    ends = [Primitive("cylinder", (11.0, 4.0), center, turn) for center, turn in (((25, -2, 0), (90, 0, 0)), ((-2, 25, 0), (0, 90, 0)))]
+    part = opened(Combine("difference", reduce(partial(Combine, "union"), ends, bent), Primitive("torus", (25.0, 6.0))))
+    (radius,) = (name for name, value in part.values.items() if value == 25.0)
+    outer, *rest = leaves(change_values(part, {radius: 30.0}).program)
+    assert (outer.size[0] if angle == 360.0 else sum(x for x, _, _ in outer.outline.loops[0]) / 2) == pytest.approx(30.0)
+    assert rest[-1].size == pytest.approx((30.0, 6.0))
+    assert [p.center for p in rest[:2]] == [pytest.approx((30.0, -2.0, 0.0)), pytest.approx((-2.0, 30.0, 0.0))]

@@ -30,7 +30,7 @@ from imdim.export.own_directions import find_own_directions
 from imdim.export.reduction import ZERO, Reduced
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.rim_seats import end_in_walls, stand_on_rims
-from imdim.export.round_contacts import bind_plugs, find_stacked
+from imdim.export.round_contacts import bind_plugs, bind_tangents, bind_tubes, find_stacked
 from imdim.export.round_seats import seats_at_rounds
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
 from imdim.export.seen import HAIR, SeenPlanes, find_hidden_ends
@@ -109,6 +109,8 @@ class LinearSystem:
         sources = add_diameters(system, parts, folded)
         system.twins = find_twins(constraints, parts, EXACT * system.length)
         system.rows += bind_plugs(parts, sources, system.drawn)
+        system.rows += bind_tubes(parts, sources, system.drawn)
+        system.rows += bind_tangents(parts, sources, system.drawn)
         whole = program if delivered is None else delivered
         if folded is not None:
             system.rows += stand_on_rims(system, whole, folded)

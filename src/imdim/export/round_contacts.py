@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -12,14 +13,24 @@ from imdim.export.outline_joints import Row, sum_rows
 from imdim.export.outline_rows import Drawn
 from imdim.export.outline_walls import EXACT
 from imdim.export.round_seats import walls_about_axis
-from imdim.export.seats import ALIGNED, End, ends_of, place_of
+from imdim.export.seats import ALIGNED, End, ends_of, place_of, world_axis
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation
 from imdim.program.ellipse import Ellipse
+from imdim.program.outline import circle_of
 from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves, longest
 
 HAIR = 1e-3  # of the largest size, by which people let stacked parts overlap
+
+
+class _Tube(NamedTuple):
+    """The tube of a ring: the radius and the height of its middle from that of the leaf, about and along its own axis, and what that radius
+    is the sum of."""
+
+    radius: float
+    height: float
+    size: Row
 
 
 class _AxialWall(NamedTuple):
@@ -46,6 +57,59 @@ def bind_plugs(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mappin
         yield from (sum_rows((one.size, 1.0), (two.size, -1.0)) for one, two in met)
         if met and not any(are_copies):
             yield from ({6 * a + 3 + i: 1.0, 6 * b + 3 + i: -1.0} for i in range(3) if abs(along[i]) <= ALIGNED)
+
+
+def bind_tubes(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mapping[int, Drawn]) -> Iterator[Row]:
+    """Equal radii of rings, of tori and of circles that are `drawn` and turned, whose tubes lie in each other, and equal places along the
+    world's axes across theirs; copies follow their `sources`."""
+    slack = EXACT * longest(parts)
+    tubes = {i: list(_tubes_of(p, sources[i], drawn.get(sources[i], ()))) for i, p in enumerate(parts)}
+    rounds = [(i, exact_rotation(parts[i])[:, 2]) for i, own in tubes.items() if own]
+    for (a, along), (b, other) in combinations(rounds, 2):
+        are_copies = sources[a] != a, sources[b] != b
+        if sources[a] == sources[b] or all(are_copies) or abs(along @ other) <= 1 - ALIGNED**2:
+            continue
+        apart = np.subtract(parts[b].center, parts[a].center)
+        met = [
+            (one, two)
+            for one in tubes[a]
+            for two in tubes[b]
+            if abs(one.radius - two.radius) <= slack and np.abs(apart + two.height * other - one.height * along).max() <= slack
+        ]
+        yield from (sum_rows((one.size, 1.0), (two.size, -1.0)) for one, two in met)
+        if met and not any(are_copies):
+            yield from ({6 * a + 3 + i: 1.0, 6 * b + 3 + i: -1.0} for i in range(3) if abs(along[i]) <= ALIGNED)
+
+
+def bind_tangents(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mapping[int, Drawn]) -> Iterator[Row]:
+    """Of round leaves along the world's axes that go on from the tube of a ring, as the straight ends of an elbow do, that they lie as far
+    from its axis as that."""
+    slack = EXACT * longest(parts)
+    straight = [(i, p, world_axis(exact_rotation(p)[:, 2])) for i, p in enumerate(parts) if p.kind == "cylinder" and sources[i] == i]
+    for ring, part in enumerate(parts):
+        across = world_axis(exact_rotation(part)[:, 2])
+        if across is None or sources[ring] != ring:
+            continue
+        tubes = [tube for tube in _tubes_of(part, ring, drawn.get(ring, ())) if abs(tube.height) <= slack]
+        for tube, (leaf, other, along) in product(tubes, straight):
+            if along is None or along == across:
+                continue
+            apart, radial = np.subtract(other.center, part.center), 3 - along - across
+            goes_on = abs(apart[across]) <= slack and abs(apart[along]) <= other.size[1] / 2 + slack
+            if goes_on and abs(abs(apart[radial]) - tube.radius) <= slack:
+                yield {6 * leaf + 3 + across: 1.0, 6 * ring + 3 + across: -1.0}
+                place = {6 * leaf + 3 + radial: 1.0, 6 * ring + 3 + radial: -1.0}
+                yield sum_rows((place, 1.0), (tube.size, -math.copysign(1.0, apart[radial])))
+
+
+def _tubes_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_Tube]:
+    """That of a torus, or those of what is turned, a copy of the leaf `source`."""
+    if part.kind == "torus":
+        yield _Tube(part.size[0], 0.0, {6 * source: 1.0})
+    elif part.kind == "revolve" and part.outline is not None:
+        for loop, ring in zip(part.outline.loops, drawn, strict=False):
+            if (found := circle_of(loop)) and isinstance(ring, tuple):
+                yield _Tube(found[0], found[1], sum_rows(*((vertex.x.row, 0.5) for vertex in ring)))
 
 
 def _walls_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_AxialWall]:
