@@ -147,3 +147,16 @@ def test_a_wrong_hole_may_end_where_parts_are_joined():
     assert bodies(program) == 2
     mended = join_bodies(program, truth)
     assert (census_of(to_manifold(mended)).bodies, census_of(to_manifold(mended)).through) == (1, 0)
+
+
+def test_crumbs_beyond_a_turned_cut_go():
+    """A ring is cut from a plate down to a disc, and does not quite reach its corners."""
+    ring = Primitive("revolve", (360.0,), outline=Outline((((14.0, -6.0, 0.0), (20.8, -6.0, 0.0), (20.8, 6.0, 0.0), (14.0, 6.0, 0.0)),)))
+    program = cut(box(30, 30, 10), ring)
+    target = to_manifold(cylinder(14, 10))
+    assert bodies(program) == 5
+    joined = join_bodies(program, target)
+    assert bodies(joined) == 1
+    assert volume_iou(to_manifold(joined), target) > 0.999
+    _, cutter = leaves(joined)
+    assert cutter.outline.bounds[0][0] == 14.0

@@ -9,7 +9,7 @@ decide.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +39,7 @@ CHORDS = 6e-4  # of a radius, by which facets miss it
 
 
 class DrawnWall(NamedTuple):
-    """A wall of an extrusion: its loop, and its curve there, of those that `orient_loops` gives."""
+    """A wall of a drawing: its loop, and its curve there, of those that `orient_loops` gives."""
 
     loop: int
     curve: int
@@ -167,8 +167,8 @@ def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, ov
             yield from (FaceMove(sign * join, i, face) for face, out in ends if np.abs(out).min() <= reach)
             yield from (FaceMove(join, i, wall) for wall, out in walls if sign > 0 and np.abs(out).min() <= reach)
             continue
-        round_walls = _round_walls(leaf, corners) if leaf.kind == "extrude" else ()
-        for face, out in (*faces, *walls, *round_walls):
+        bent_walls = _BENT_WALLS[leaf.kind](leaf, corners) if leaf.kind in _BENT_WALLS else ()
+        for face, out in (*faces, *walls, *bent_walls):
             near, far = (out.min(), out.max()) if sign < 0 else (out.max(), out.min())
             # past a cut, or behind the end of what it is of
             if abs(near) <= TOUCH * size < abs(far) <= REACH * size:
@@ -202,6 +202,26 @@ def _round_walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[DrawnWal
                 facets = CHORDS * radius
                 inside = np.where(out >= -facets, 0.0, out)
                 yield DrawnWall(k, j), np.where(out > TOUCH * radius, out + facets, inside) / (4 * share * (1 - share))
+
+
+def _turned_walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[DrawnWall, np.ndarray]]:
+    """The straight walls of a turned drawing, and how far points [n, 3] are outward of each; nothing for those that lie on it, but for
+    facets."""
+    assert leaf.outline is not None
+    local = (points - leaf.center) @ exact_rotation(leaf)
+    away = np.hypot(local[:, 0], local[:, 1])
+    facets = CHORDS * float(away.max())
+    for k, ring in enumerate(orient_loops(leaf.outline.loops)):
+        for j, (x, y, u, v, bulge) in enumerate([] if isinstance(ring, Ellipse) else ring_curves(ring)):
+            if not bulge:
+                out = (np.column_stack([away, local[:, 2]]) - (x, y)) @ (v - y, x - u) / math.hypot(u - x, v - y)
+                yield DrawnWall(k, j), np.where(np.abs(out) <= facets, 0.0, out + facets)
+
+
+_BENT_WALLS: Mapping[str, Callable[[Primitive, np.ndarray], Iterator[tuple[DrawnWall, np.ndarray]]]] = {
+    "extrude": _round_walls,
+    "revolve": _turned_walls,
+}
 
 
 def move_face(leaf: Primitive, move: FaceMove) -> Primitive:
