@@ -23,6 +23,7 @@ RINGS = (8, 30, 150)  # facets
 INNER = 3  # facets
 NEAR_CUTS = 10  # times as far off as drawn corners may be those of a ring, many of which a cut has made
 ALIKE_STEPS = (0.25, 4.0)  # times as wide as a band of a torus is what is beside it: a tessellation turns evenly
+SAME_RADIUS = 1e-3  # of it
 SAME_TURN = 0.01  # of it: strips of one cylinder turn alike
 ALIKE = 0.3  # of a facet's area, that the next one has at least where a surface goes on evenly
 BENT = 0.2  # of its radius, by which strips beside one of a tube leave that at most
@@ -44,7 +45,9 @@ def hypotheses(seed: int, state: Growing) -> list[Guess]:
     near, alike = _free_beside(seed, state)
     largest = sorted(alike, key=lambda n: -facets.areas[n])[:4]
     out += [Guess(1.02, _cylinder_through(facets, np.array([seed, other]))) for other in largest]
-    out += [Guess(1.02, s, cut=True) for s in _cylinder_of_strip(facets, seed, largest)]
+    known = [guess.surface.sizes[0] for guess in out]
+    own = (s for s in _cylinder_of_strip(facets, seed, largest) if all(abs(s.sizes[0] - r) > SAME_RADIUS * r for r in known))
+    out += [Guess(1.02, s, cut=True) for s in own]
     ring = ring_of(seed, alike, state, 30)
     if len(ring) >= 3:
         # along a cone the three neighbours under the smallest angles are its own strips, across it something else may follow
@@ -59,9 +62,9 @@ def hypotheses(seed: int, state: Growing) -> list[Guess]:
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
         # where a cut turns away gently its own corners pass for inner ones, but for the ring that keeps off it
-        for own in (ring, ring_of(seed, alike, state, 30, GENTLE)):
-            if len(inner := _inner_corners(facets, own)) >= MIN_POINTS["sphere"]:
-                out.append(Guess(1.0, _fit_freely("sphere", inner.tobytes())))
+        inner = [_inner_corners(facets, around) for around in (ring, ring_of(seed, alike, state, 30, GENTLE))]
+        for corners in dict.fromkeys(points.tobytes() for points in inner if len(points) >= MIN_POINTS["sphere"]):
+            out.append(Guess(1.0, _fit_freely("sphere", corners)))
         # a small ring keeps clear of cuts, a wide one is more exact
         for around in _rings(seed, alike, state):
             chosen = points_of(facets, around)
