@@ -1,5 +1,4 @@
-"""Parts in a circle that go through a round wall about its axis, as teeth of a rim do, or end in one, as spokes do: their circle follows
-it."""
+"""Parts in a circle that go through a round wall about its axis, as teeth do, or end in one, as spokes do: they follow it."""
 
 from __future__ import annotations
 
@@ -77,7 +76,7 @@ def stand_on_rims(system: LinearSystem, program: Program, folded: Folded) -> Ite
         yield sum_rows(({circles[first]: 0.5}, 1.0), (own, 1.0), (wall.size, -1.0))
 
 
-class _Spokes(NamedTuple):
+class _EndingSpokes(NamedTuple):
     """Equal parts along the spokes of a circle: the leaves, a `point` of its `axis`, which is one of the world's, how far `away` from that
     their centres are, the place of their length in the sizes, and that length."""
 
@@ -109,7 +108,7 @@ def end_in_walls(system: LinearSystem, program: Program, folded: Folded) -> Iter
             yield sum_rows(({circle: 0.5, length: 0.5 * way}, 1.0), (row, -1.0))
 
 
-def _list_spokes(parts: Sequence[Primitive], folded: Folded) -> Iterator[_Spokes]:
+def _list_spokes(parts: Sequence[Primitive], folded: Folded) -> Iterator[_EndingSpokes]:
     for first, repeat in repeats(folded):
         axis, part = world_axis(np.array(repeat.axis)), parts[first]
         if repeat.kind != "circular" or repeat.counts[0] < LEAST or size(repeat.part) > 1 or axis is None:
@@ -119,10 +118,10 @@ def _list_spokes(parts: Sequence[Primitive], folded: Folded) -> Iterator[_Spokes
         away, turn = float(np.linalg.norm(arm)), exact_rotation(part)
         for local, column in FLAT_ENDS.get(part.kind, {}).items():
             if away and abs(arm @ turn[:, local]) > (1 - LEVEL) * away:
-                yield _Spokes(range(first, first + repeat.number), repeat.point, axis, away, column, part.size[column])
+                yield _EndingSpokes(range(first, first + repeat.number), repeat.point, axis, away, column, part.size[column])
 
 
-def _is_about(wall: EnteredWall, spokes: _Spokes, parts: Sequence[Primitive], slack: float) -> bool:
+def _is_about(wall: EnteredWall, spokes: _EndingSpokes, parts: Sequence[Primitive], slack: float) -> bool:
     """Whether a round wall that is none of theirs lies about the axis of spokes, beside them."""
     if wall.axis != spokes.axis or wall.leaf in spokes.leaves:
         return False

@@ -24,7 +24,7 @@ from imdim.program.tree import Primitive, Program, leaves, longest
 HAIR = 1e-3  # of the largest size, by which people let stacked parts overlap
 
 
-class _Tube(NamedTuple):
+class _RingTube(NamedTuple):
     """The tube of a ring: the radius and the height of its middle from that of the leaf, about and along its own axis, and what that radius
     is the sum of."""
 
@@ -102,14 +102,14 @@ def bind_tangents(parts: Sequence[Primitive], sources: Sequence[int], drawn: Map
                 yield sum_rows((place, 1.0), (tube.size, -math.copysign(1.0, apart[radial])))
 
 
-def _tubes_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_Tube]:
+def _tubes_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_RingTube]:
     """That of a torus, or those of what is turned, a copy of the leaf `source`."""
     if part.kind == "torus":
-        yield _Tube(part.size[0], 0.0, {6 * source: 1.0})
+        yield _RingTube(part.size[0], 0.0, {6 * source: 1.0})
     elif part.kind == "revolve" and part.outline is not None:
         for loop, ring in zip(part.outline.loops, drawn, strict=False):
             if (found := circle_of(loop)) and isinstance(ring, tuple):
-                yield _Tube(found[0], found[1], sum_rows(*((vertex.x.row, 0.5) for vertex in ring)))
+                yield _RingTube(found[0], found[1], sum_rows(*((vertex.x.row, 0.5) for vertex in ring)))
 
 
 def _walls_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_AxialWall]:
