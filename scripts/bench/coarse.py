@@ -4,8 +4,9 @@
 
 Each design of DESIGNS is meshed by OpenSCAD at each number of sides, fitted with the default settings, and compared with itself at 96
 sides, which no fit has seen: IoU with that, and the features that it takes beside those in the design, copies counted. A part counts as
-the design's where the IoU is at least SAME and it takes no more features. Parts that are in the folder already are scored alone. Exit
-status 2: OpenSCAD is not there, or cannot draw one.
+the design's where the IoU is at least SAME and it takes no more features. A part that no program was written of, or that is told not to
+be the part, counts with an IoU of 0. Parts that are in the folder already are scored alone. Exit status 2: OpenSCAD is not there, or
+cannot draw one.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from imdim.geometry.solid import mesh_to_manifold, volume_iou
 BAD_INPUT = 2
 SMOOTH = 96
 SAME = 0.99
+FAILED = "failed"  # in place of features
 
 
 class Design(NamedTuple):
@@ -152,14 +154,16 @@ def main(arguments: list[str] | None = None) -> int:
             smooth = mesh_to_manifold(trimesh.load(draw(name, SMOOTH, given.folder, given.openscad)))
             for sides in map(int, given.sides.split(",")):
                 draw(name, sides, given.folder, given.openscad)
-                fit(given.folder, f"{name}_{sides}", given.budget, given.clock)
-                rows.append(score(given.folder, name, sides, smooth))
-                print("| {part} | {iou:.4f} | {same:.4f} | {features} | {wanted} | {seconds:.1f} |".format(**rows[-1]), flush=True)
         except (OSError, subprocess.CalledProcessError) as error:
             sys.stderr.write(f"coarse.py: {name}: OpenSCAD draws no mesh of it: {error}\n")
             return BAD_INPUT
-    own = sum(row["same"] >= SAME and row["features"] <= row["wanted"] for row in rows)
-    print(f"\n{len(rows)} parts: {own} are the design's, {sum(row['seconds'] for row in rows) / len(rows):.1f} s each")
+        for sides in map(int, given.sides.split(",")):
+            fit(given.folder, f"{name}_{sides}", given.budget, given.clock)
+            rows.append(score(given.folder, name, sides, smooth))
+            print("| {part} | {iou:.4f} | {same:.4f} | {features} | {wanted} | {seconds:.1f} |".format(**rows[-1]), flush=True)
+    own = sum(row["same"] >= SAME and row["features"] <= row["wanted"] for row in rows if row["features"] != FAILED)
+    failed = sum(row["features"] == FAILED for row in rows)
+    print(f"\n{len(rows)} parts, {failed} failed: {own} are the design's, {sum(row['seconds'] for row in rows) / len(rows):.1f} s each")
     return 0
 
 
@@ -182,21 +186,24 @@ def fit(folder: Path, part: str, budget: float, clock: str) -> None:
     how = ["fit", str(folder / f"{part}.stl"), "-o", str(folder / part), "--force", "--quiet", "--budget", str(budget)]
     status = subprocess.run([sys.executable, *command, *how], check=False).returncode
     seconds = time.perf_counter() - begun if clock == "wall" else children_s() - spent
+    (folder / part).mkdir(exist_ok=True)
     (folder / part / "fitted.json").write_text(json.dumps({"status": status, "seconds": seconds}))
 
 
 def score(folder: Path, name: str, sides: int, smooth: object) -> dict[str, object]:
     """A part's IoU with its mesh and with the design, its features and the design's, and its seconds."""
-    part = f"{name}_{sides}"
+    part, wanted = f"{name}_{sides}", DESIGNS[name].features
+    told = json.loads((folder / part / "fitted.json").read_text())
+    if told["status"]:
+        return {"part": part, "iou": 0.0, "same": 0.0, "features": FAILED, "wanted": wanted, "seconds": told["seconds"]}
     report = json.loads((folder / part / "report.json").read_text())
     found = mesh_to_manifold(trimesh.load(folder / part / "mesh.stl"))
-    told = json.loads((folder / part / "fitted.json").read_text())
     return {
         "part": part,
         "iou": report["scores"]["volume_iou"],
         "same": volume_iou(found, smooth),  # type: ignore[arg-type]
         "features": report["result"]["primitives"],
-        "wanted": DESIGNS[name].features,
+        "wanted": wanted,
         "seconds": told["seconds"],
     }
 

@@ -34,6 +34,20 @@ def test_a_part_is_compared_with_its_design_and_not_with_its_mesh(tmp_path):
     assert (row["iou"], row["features"], row["wanted"], row["seconds"]) == (0.9, 4, bench.DESIGNS["cone"].features, 3.0)
 
 
+def test_a_part_without_a_program_counts_as_failed(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(bench, "draw", lambda name, sides, folder, _: _disc(folder / f"{name}_{sides}.stl"))
+    monkeypatch.setattr(bench.subprocess, "run", lambda *_, **__: bench.subprocess.CompletedProcess([], 3))
+    assert bench.main([str(tmp_path), "--only", "cone", "--sides", "16,24"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert [line.split(" | ")[1:4] for line in said[2:4]] == [["0.0000", "0.0000", "failed"]] * 2
+    assert said[-1].startswith("2 parts, 2 failed: 0 are the design's")
+
+
+def _disc(path):
+    to_trimesh(to_manifold(Primitive("cylinder", (5.0, 2.0)))).export(path)
+    return path
+
+
 def test_what_is_not_there_is_said_in_one_line(tmp_path, capsys):
     assert bench.main([str(tmp_path), "--only", "cube"]) == bench.BAD_INPUT
     assert bench.main([str(tmp_path), "--only", "cone", "--openscad", str(tmp_path / "none")]) == bench.BAD_INPUT

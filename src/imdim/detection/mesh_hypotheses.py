@@ -46,8 +46,8 @@ def hypotheses(seed: int, state: Growing) -> list[Guess]:
     largest = sorted(alike, key=lambda n: -facets.areas[n])[:4]
     out += [Guess(1.02, _cylinder_through(facets, np.array([seed, other]))) for other in largest]
     known = [guess.surface.sizes[0] for guess in out]
-    own = (s for s in _cylinder_of_strip(facets, seed, largest) if all(abs(s.sizes[0] - r) > SAME_RADIUS * r for r in known))
-    out += [Guess(1.02, s, cut=True) for s in own]
+    told = (s for s in _cylinder_of_strip(facets, seed, largest) if all(abs(s.sizes[0] - r) > SAME_RADIUS * r for r in known))
+    out += [Guess(1.02, s, cut=True) for s in told]
     ring = ring_of(seed, alike, state, 30)
     if len(ring) >= 3:
         # along a cone the three neighbours under the smallest angles are its own strips, across it something else may follow
@@ -63,7 +63,7 @@ def hypotheses(seed: int, state: Growing) -> list[Guess]:
         points, point_normals = _corner_normals(facets, ring)
         # where a cut turns away gently its own corners pass for inner ones, but for the ring that keeps off it
         inner = [_inner_corners(facets, around) for around in (ring, ring_of(seed, alike, state, 30, GENTLE))]
-        for corners in dict.fromkeys(points.tobytes() for points in inner if len(points) >= MIN_POINTS["sphere"]):
+        for corners in dict.fromkeys(own.tobytes() for own in inner if len(own) >= MIN_POINTS["sphere"]):
             out.append(Guess(1.0, _fit_freely("sphere", corners)))
         # a small ring keeps clear of cuts, a wide one is more exact
         for around in _rings(seed, alike, state):

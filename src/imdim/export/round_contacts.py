@@ -48,15 +48,9 @@ def bind_plugs(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mappin
     axes across theirs; copies follow their `sources`."""
     slack = EXACT * longest(parts)
     walls = {i: list(_walls_of(p, sources[i], drawn.get(sources[i], ()))) for i, p in enumerate(parts)}
-    rounds = [(i, exact_rotation(parts[i])[:, 2]) for i, own in walls.items() if own]
-    for (a, along), (b, other) in combinations(rounds, 2):
-        are_copies = sources[a] != a, sources[b] != b
-        if sources[a] == sources[b] or all(are_copies) or abs(along @ other) <= 1 - ALIGNED**2:
-            continue
+    for a, along, b, other in _parallel_pairs(parts, sources, walls):
         met = [(one, two) for one in walls[a] for two in walls[b] if _meet((parts[a], one), (parts[b], two), along, other, slack)]
-        yield from (sum_rows((one.size, 1.0), (two.size, -1.0)) for one, two in met)
-        if met and not any(are_copies):
-            yield from ({6 * a + 3 + i: 1.0, 6 * b + 3 + i: -1.0} for i in range(3) if abs(along[i]) <= ALIGNED)
+        yield from _bind(a, b, [(one.size, two.size) for one, two in met], along, sources)
 
 
 def bind_tubes(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mapping[int, Drawn]) -> Iterator[Row]:
@@ -64,21 +58,32 @@ def bind_tubes(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mappin
     world's axes across theirs; copies follow their `sources`."""
     slack = EXACT * longest(parts)
     tubes = {i: list(_tubes_of(p, sources[i], drawn.get(sources[i], ()))) for i, p in enumerate(parts)}
-    rounds = [(i, exact_rotation(parts[i])[:, 2]) for i, own in tubes.items() if own]
-    for (a, along), (b, other) in combinations(rounds, 2):
-        are_copies = sources[a] != a, sources[b] != b
-        if sources[a] == sources[b] or all(are_copies) or abs(along @ other) <= 1 - ALIGNED**2:
-            continue
+    for a, along, b, other in _parallel_pairs(parts, sources, tubes):
         apart = np.subtract(parts[b].center, parts[a].center)
-        met = [
-            (one, two)
-            for one in tubes[a]
-            for two in tubes[b]
+        sizes = [
+            (one.size, two.size)
+            for one, two in product(tubes[a], tubes[b])
             if abs(one.radius - two.radius) <= slack and np.abs(apart + two.height * other - one.height * along).max() <= slack
         ]
-        yield from (sum_rows((one.size, 1.0), (two.size, -1.0)) for one, two in met)
-        if met and not any(are_copies):
-            yield from ({6 * a + 3 + i: 1.0, 6 * b + 3 + i: -1.0} for i in range(3) if abs(along[i]) <= ALIGNED)
+        yield from _bind(a, b, sizes, along, sources)
+
+
+def _parallel_pairs(
+    parts: Sequence[Primitive], sources: Sequence[int], found: Mapping[int, Sequence[object]]
+) -> Iterator[tuple[int, np.ndarray, int, np.ndarray]]:
+    """Leaves of which something was `found`, with their axes [3], two by two where these are parallel; not copies among each other."""
+    rounds = [(i, exact_rotation(parts[i])[:, 2]) for i, own in found.items() if own]
+    for (a, along), (b, other) in combinations(rounds, 2):
+        are_copies = sources[a] != a, sources[b] != b
+        if sources[a] != sources[b] and not all(are_copies) and abs(along @ other) > 1 - ALIGNED**2:
+            yield a, along, b, other
+
+
+def _bind(a: int, b: int, sizes: Sequence[tuple[Row, Row]], along: np.ndarray, sources: Sequence[int]) -> Iterator[Row]:
+    """Equal `sizes` of two leaves that meet, and where none is a copy equal places along the world's axes across theirs."""
+    yield from (sum_rows((one, 1.0), (two, -1.0)) for one, two in sizes)
+    if sizes and sources[a] == a and sources[b] == b:
+        yield from ({6 * a + 3 + i: 1.0, 6 * b + 3 + i: -1.0} for i in range(3) if abs(along[i]) <= ALIGNED)
 
 
 def bind_tangents(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mapping[int, Drawn]) -> Iterator[Row]:
