@@ -48,6 +48,14 @@ def test_what_is_worth_its_price_stays(seen: Observation) -> None:
     assert drop_spare(program, seen.price, seen.exact_price, seen.size_weight) == program
 
 
+def test_a_part_whose_crumbs_cannot_be_mended_stays(seen: Observation) -> None:
+    program = cut(PLATE, HOLE, SCRATCH, SECOND)
+    price = seen.price, seen.exact_price, seen.size_weight
+    assert drop_spare(program, *price, mend=lambda _: None) == program
+    mended = cut(PLATE, HOLE, cylinder(0.05, 0.201, (-0.2, 0.1, 0.0)))
+    assert drop_spare(program, *price, mend=lambda _: mended) == mended
+
+
 def test_past_the_deadline_all_stays(seen: Observation) -> None:
     program = cut(PLATE, HOLE, SCRATCH, SECOND)
     assert drop_spare(program, seen.price, seen.exact_price, seen.size_weight, PASSED) == program

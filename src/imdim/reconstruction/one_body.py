@@ -14,6 +14,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import Deadline
 from imdim.detection.noise import MeasuredNoise
+from imdim.geometry.census import census_of
 from imdim.geometry.finish.closed_voids import close_voids
 from imdim.geometry.finish.cut_ends import end_cuts_in_faces
 from imdim.geometry.finish.cutter_walls import open_films
@@ -169,12 +170,12 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         # rounding may part what met; where time was short it is worth more than relations to mend that
         last = replace(last, program=_mend_kind(last.program, seen, frame, budget.end_of("relate")))
         if last.found is None:  # relations that were found are of all its parts
-            last = replace(last, program=_drop_spare(drop_idle(last.program, fit_by), seen, frame, fit_by))
+            last = replace(last, program=_drop_spare(drop_idle(last.program, fit_by), seen, frame, body, fit_by))
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
 
 
-def _drop_spare(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program:
+def _drop_spare(program: Program, seen: Observation, frame: Frame, body: Target, deadline: Deadline) -> Program:
     """A mesh's program with drawings, in the body's units, without what costs more than it is worth. Of other programs it may be
     proved that nothing less will do."""
     if seen.solid is None or not seen.evidence.exact or not has_outlines(program):
@@ -183,7 +184,20 @@ def _drop_spare(program: Program, seen: Observation, frame: Frame, deadline: Dea
     def estimate(fewer: Program) -> float:
         return seen.price(frame.apply(fewer))
 
-    return drop_spare(program, estimate, lambda fewer: seen.exact_price(frame.apply(fewer)), seen.size_weight, deadline)
+    def join(fewer: Program) -> Program | None:
+        most = _count_bodies(program)
+        if _count_bodies(fewer) <= most:
+            return fewer
+        # a crumb may lie in the target, whose edges are sharp, and not in the body
+        solid = find_solid(body)
+        joined = fewer if solid is None else join_bodies(fewer, solid, deadline)
+        return joined if _count_bodies(joined) <= most else None
+
+    return drop_spare(program, estimate, lambda fewer: seen.exact_price(frame.apply(fewer)), seen.size_weight, deadline, join)
+
+
+def _count_bodies(program: Program) -> int:
+    return census_of(to_manifold(program)).bodies
 
 
 def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: Work, share: float) -> BodyState | None:
