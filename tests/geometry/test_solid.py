@@ -5,6 +5,8 @@ import pytest
 import trimesh
 from tests.known_programs import KNOWN
 
+from imdim.geometry.census import census_of
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import (
     SEGMENTS,
     join_touching,
@@ -16,8 +18,9 @@ from imdim.geometry.solid import (
     volume_iou,
     without_slivers,
 )
-from imdim.program.outline import Outline
+from imdim.program.outline import Outline, circle, rectangle
 from imdim.program.tree import Combine, Primitive, combine_all
+from imdim.target.target import Frame, as_matrix
 
 ROUND = {
     "sphere": (Primitive("sphere", (0.7,)), 4 / 3 * math.pi * 0.343),
@@ -111,6 +114,16 @@ def test_what_touches_but_for_the_noise_of_floats_is_one_body(scale):
     tab = Primitive("extrude", (5 * scale,), (0.0, 4.4 * scale, 0.0), outline=Outline((drawn,)))
     assert len(join_touching(Combine("union", block, tab)).decompose()) == 1
     assert join_touching(tab).volume() == pytest.approx(45 * scale**3, rel=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 5.0, 33.7])
+def test_a_disc_in_a_bore_of_its_own_size_touches_it_all_around(angle: float) -> None:
+    """Its corners are those of the bore but for the digits of floats, which a grid alone rounds apart here and there: holes no wider than
+    that ran through between the two, and aslant the two were apart."""
+    bored = Primitive("extrude", (20.0,), (0.1, 0.3, 0.7), outline=Outline((*rectangle(40.0, 30.0).loops, circle(7.1, 2.3, 1.9))))
+    disc = Primitive("cylinder", (7.1, 2.0), (2.4, 2.2, 0.7))
+    program = Frame((0.0, 0.0, 0.0), 1.0, as_matrix(matrix_from_euler((0.0, 0.0, angle)))).undo(Combine("union", bored, disc))
+    assert census_of(join_touching(program)).kind == (1, 0, 0)
 
 
 # a plate, a wall that begins where it ends up to rounding, and a block through both

@@ -15,6 +15,7 @@ import numpy as np
 from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
 
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.motions import is_round
 from imdim.program.nary import fold_nary
 from imdim.program.outline import Outline, flatten_loop
 from imdim.program.tree import FULL_TURN, Op, Primitive, Program, leaves, longest
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 SEGMENTS = 96
 GRID = 1e-9  # of the power of ten above the largest size, in steps of which corners lie
+TOUCHING = 5  # steps that places along an axis are apart at most where they are one: rounding alone may part what is a digit apart
+ALONG = 1e-9  # of the cosine of a right angle, or none
 KEPT = 32  # solids: one step asks for what the steps before it made
 SWEEPS_KEPT = 256  # drawings that are extruded or turned
 
@@ -45,7 +48,12 @@ COMBINE: Mapping[Op, Callable[[list[Manifold]], Manifold]] = {
 
 def primitive_to_manifold(primitive: Primitive, segments: int = SEGMENTS) -> Manifold:
     """One placed primitive as an inscribed polyhedron."""
-    placement = np.column_stack([exact_rotation(primitive), primitive.center])
+    return _place(primitive, exact_rotation(primitive), np.array(primitive.center), segments)
+
+
+def _place(primitive: Primitive, rotation: np.ndarray, center: np.ndarray, segments: int) -> Manifold:
+    """A primitive turned by a `rotation` [3, 3] of its own, not that which it has, at a `center` [3]."""
+    placement = np.column_stack([rotation, center])
     if primitive.outline is None:
         return _LOCAL[primitive.kind](primitive.size, segments).transform(placement)
     return _sweep(primitive.kind, primitive.size[0], primitive.outline, segments).transform(placement)
@@ -69,14 +77,60 @@ def draw_section(outline: Outline, segments: int) -> CrossSection:
 
 
 def join_touching(program: Program, segments: int = SEGMENTS) -> Manifold:
-    """As `to_manifold`; corners lie on a grid, as in OpenSCAD: faces that are one to the digits of floats, and drawn ones to the 27 bits
-    behind the point that sections keep of them, touch."""
+    """As `to_manifold`; corners lie on a grid, as in OpenSCAD, and those a few steps apart along an axis lie at one place: faces that are one
+    to the digits of floats, and drawn ones to the 27 bits behind the point that sections keep of them, touch. The axes are those that most
+    primitives lie along, since a grid parts faces that lean to it, and from which the corners of round ones begin."""
+    axes = _common_axes(program)
+    own = [_own_rotation(leaf, axes) for leaf in leaves(program)]
+    parts = [_place(leaf, turn, axes.T @ leaf.center, segments) for leaf, turn in zip(leaves(program), own, strict=True)]
     step = GRID * 10.0 ** math.ceil(math.log10(longest(leaves(program))))
+    known = [np.unique(places) for places in np.vstack([corners_of(part) for part in parts]).T]
+    shared = [_share_places(places, step) for places in known]
 
-    def place(_: int, primitive: Primitive) -> Manifold:
-        return primitive_to_manifold(primitive, segments).warp_batch(lambda corners: np.round(corners / step) * step)
+    def place(corners: np.ndarray) -> np.ndarray:
+        places = zip(shared, known, corners.T, strict=True)
+        return np.column_stack([to[np.searchsorted(of, along)] for to, of, along in places])
 
-    return fold_nary(program, place, COMBINE)
+    joined = fold_nary(program, lambda i, _: parts[i].warp_batch(place), COMBINE)
+    return joined.transform(np.column_stack([axes, np.zeros(3)]))
+
+
+def _common_axes(program: Program) -> np.ndarray:
+    """The axes that most primitives lie along, as the columns of a rotation [3, 3]: those of the world unless others are more often. What is
+    round lies along any that hold its axis."""
+    rest, best, most = np.array([exact_rotation(leaf) for leaf in leaves(program) if not is_round(leaf)]), np.eye(3), 0
+    axes = best
+    while len(rest) > most:
+        along = _lies_along(axes.T @ rest).all(1)
+        if along.sum() > most:
+            best, most = axes, int(along.sum())
+        rest = rest[~along]
+        axes = rest[0] if len(rest) else axes
+    return best
+
+
+def _own_rotation(leaf: Primitive, axes: np.ndarray) -> np.ndarray:
+    """How a leaf is turned within `axes` [3, 3]; by right angles alone where it lies along them but for the digits of floats."""
+    turn = axes.T @ exact_rotation(leaf)
+    along = _lies_along(turn)
+    if along.all():
+        return np.round(turn)
+    if not is_round(leaf) or not along[2]:
+        return turn
+    z = np.round(turn[:, 2])
+    return np.column_stack([np.roll(z, 1), np.roll(z, 2), z]) * (1.0, z.sum(), 1.0)
+
+
+def _lies_along(turns: np.ndarray) -> np.ndarray:
+    """Which axes of rotations [..., 3, 3] lie along those that they are turned from, bool [..., 3]."""
+    return np.abs(turns - np.round(turns)).max(-2) < ALONG
+
+
+def _share_places(places: np.ndarray, step: float) -> np.ndarray:
+    """The places [n] on the grid that sorted ones [n] get, those at most TOUCHING steps apart one."""
+    groups = np.concatenate([[0], np.cumsum(np.diff(places) > TOUCHING * step)])
+    first = np.searchsorted(groups, np.arange(groups[-1] + 1))
+    return (np.round(places[first] / step) * step)[groups]
 
 
 def to_manifold(program: Program, segments: int = SEGMENTS) -> Manifold:
