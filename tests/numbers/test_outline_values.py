@@ -194,3 +194,25 @@ def test_an_arc_that_would_cross_the_axis_with_round_numbers_keeps_its_own():
     near = Primitive("revolve", (360.0,), (0.0, 0.0, -4.1908552), (0.0, 0.0, 0.0), Outline((corners,)))
     assert near.outline.bounds[0][0] == pytest.approx(0.16, abs=0.01)
     assert snap_leaf(near, 1.0) == near
+
+
+def test_arcs_of_one_boss_stay_on_one_circle_and_its_fillet_follows():
+    """A boss that turns by more than half is drawn as two arcs. The fillet at its foot, whose centre is poorly known, had moved the one that
+    it touches, and where both no longer met they kept the numbers of the mesh, a hair beside the boss that stands there."""
+    boss, fillet, floor = 3.1, 1.0, -4.0
+    beside = -math.sqrt((boss + fillet) ** 2 - (floor + fillet) ** 2)
+    low, touch, split = math.atan2(-math.sqrt(boss**2 - 4), 2.0), math.atan2(floor + fillet, beside) + 2 * math.pi, math.radians(100.0)
+    off = 4e-4  # by which the mesh has the fillet elsewhere
+    loop = (
+        (2.0, floor, 0.0),
+        (boss * math.cos(low), boss * math.sin(low), math.tan((split - low) / 4)),
+        (boss * math.cos(split), boss * math.sin(split), math.tan((touch - split) / 4)),
+        (boss * math.cos(touch) + off, boss * math.sin(touch) - off, -math.tan((touch - math.pi / 2) / 4) + off),
+        (beside - off, floor, 0.0),
+        *((-10.0, floor, 0.0), (-10.0, -8.0, 0.0), (10.0, -8.0, 0.0), (10.0, floor, 0.0)),
+    )
+    snapped = snap_outline(Outline((loop,)), 1e-3)
+    arcs = [curve for curve in loop_curves(snapped.loops[0]) if curve[4]]
+    assert [arc_radius(arc) for arc in arcs] == pytest.approx([boss, boss, fillet], abs=1e-9)
+    assert [c for arc in arcs[:2] for c in arc_center(arc)] == pytest.approx([0.0] * 4, abs=1e-9)
+    assert math.dist(arc_center(arcs[2]), (0.0, 0.0)) == pytest.approx(boss + fillet, abs=1e-9)

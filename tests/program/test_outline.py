@@ -313,6 +313,17 @@ def test_walls_on_one_circle_have_the_same_facets_whatever_drew_them():
     assert census_of(to_manifold(combine_all("union", [shaft, flat]), 96)).kind == (1, 0, 0)
 
 
+def test_where_arcs_go_on_in_one_another_is_no_corner():
+    """It would stand out from the facets of a disc of that size, with a hole no wider than a hair between."""
+    at = [(4.0 * math.cos(math.radians(a)), 4.0 * math.sin(math.radians(a))) for a in (17.0, 139.0, 301.0)]
+    loop = tuple((x, y, math.tan(math.radians(turn) / 4)) for (x, y), turn in zip(at, (122.0, 162.0, 76.0), strict=True))
+    corners = flatten_loop(loop, 96)
+    steps = [math.degrees(math.atan2(y, x)) / 3.75 for x, y in corners]
+    assert len(corners) == 96
+    assert [s - round(s) for s in steps] == pytest.approx([0.0] * 96, abs=1e-9)
+    assert len(flatten_loop(((*at[0], loop[0][2]), (*at[1], 0.0)), 96)) == 2 + 33
+
+
 def test_holes_in_the_bulge_of_an_arc_are_holes():
     """Beyond all vertices, where only the arc reaches."""
     round_end = ((0.0, 0.0, 0.0), (1.0, 0.0, 3.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0))

@@ -77,9 +77,9 @@ def draw_section(outline: Outline, segments: int) -> CrossSection:
 
 
 def join_touching(program: Program, segments: int = SEGMENTS) -> Manifold:
-    """As `to_manifold`; corners lie on a grid, as in OpenSCAD, and those a few steps apart along an axis lie at one place: faces that are one
-    to the digits of floats, and drawn ones to the 27 bits behind the point that sections keep of them, touch. The axes are those that most
-    primitives lie along, since a grid parts faces that lean to it, and from which the corners of round ones begin."""
+    """As `to_manifold`; corners lie on a grid, as in OpenSCAD, and those a few steps apart along an axis lie at one place: faces that are
+    one to the digits of floats, and drawn ones to the 27 bits behind the point that sections keep of them, touch. The axes are those that
+    most primitives lie along, since a grid parts faces that lean to it, and from which the corners of round ones begin."""
     axes = _common_axes(program)
     own = [_own_rotation(leaf, axes) for leaf in leaves(program)]
     parts = [_place(leaf, turn, axes.T @ leaf.center, segments) for leaf, turn in zip(leaves(program), own, strict=True)]
@@ -96,8 +96,8 @@ def join_touching(program: Program, segments: int = SEGMENTS) -> Manifold:
 
 
 def _common_axes(program: Program) -> np.ndarray:
-    """The axes that most primitives lie along, as the columns of a rotation [3, 3]: those of the world unless others are more often. What is
-    round lies along any that hold its axis."""
+    """The axes that most primitives lie along, as the columns of a rotation [3, 3]: those of the world unless others are more often. Round
+    ones lie along any that hold their axis."""
     rest, best, most = np.array([exact_rotation(leaf) for leaf in leaves(program) if not is_round(leaf)]), np.eye(3), 0
     axes = best
     while len(rest) > most:

@@ -418,19 +418,25 @@ class _Snapping:
     # --- tangency -----------------------------------------------------------------------------------------------------
 
     def _make_tangent(self, row: list[Carrier], touches: Sequence[bool]) -> None:
-        """Move the centres of arcs so that they touch what they touched: lines, and arcs that were moved before."""
+        """Move the centres of arcs so that they touch what they touched: lines, and arcs that were moved before. Neighbours on one circle
+        stay on one; where they turn by more than half of it and touch arcs alone, it is these that follow."""
         n = len(row)
-        arcs = [k for k, carrier in enumerate(row) if isinstance(carrier, Arc)]
-        beside = {k: [m for m, touch in (((k - 1) % n, touches[k - 1]), ((k + 1) % n, touches[k])) if touch] for k in arcs}
-        settled = {k for k in arcs if not beside[k]}
+        beside = {k: [m for m, touch in (((k - 1) % n, touches[k - 1]), ((k + 1) % n, touches[k])) if touch] for k in range(n)}
+        found = [(run, [m for k in run for m in beside[k]]) for run in _runs_on_circles(row)]
+        lines = {run: sum(isinstance(row[m], Line) for m in others) for run, others in found}
+        settled = {k for run, others in found if not others or (not lines[run] and _turn_of(row, run) > math.pi) for k in run}
         # arcs between lines first: the others have to follow them
-        for k in sorted(arcs, key=lambda k: -sum(isinstance(row[m], Line) for m in beside[k])):
-            arc = row[k]
+        for run, others in sorted(found, key=lambda pair: -lines[pair[0]]):
+            arc = row[run[0]]
             assert isinstance(arc, Arc)
-            others = [row[m] for m in beside[k] if isinstance(row[m], Line) or m in settled]
-            arc = fit_between_parallels(arc, others)
-            row[k] = replace(arc, center=move_onto(arc.center, [tangency(arc, other) for other in others]))
-            settled.add(k)
+            known = [] if settled.issuperset(run) else [row[m] for m in others if isinstance(row[m], Line) or m in settled]
+            arc = fit_between_parallels(arc, known)
+            center = move_onto(arc.center, [tangency(arc, other) for other in known])
+            for k in run:
+                same = row[k]
+                assert isinstance(same, Arc)
+                row[k] = replace(same, center=center, radius=arc.radius)
+            settled.update(run)
 
     # --- vertices -----------------------------------------------------------------------------------------------------
 
@@ -462,3 +468,28 @@ class _Snapping:
         if found is None or math.dist(found, near) > FARTHEST * self.tolerance:
             raise _PartedError(curves, near)
         return found
+
+
+def _runs_on_circles(row: Sequence[Carrier]) -> list[tuple[int, ...]]:
+    """The numbers of the arcs of a loop, those that follow one another on one circle together."""
+
+    def goes_on_from(k: int) -> bool:
+        a, b = row[k - 1], row[k]
+        return isinstance(a, Arc) and isinstance(b, Arc) and (a.center, a.radius, a.sense) == (b.center, b.radius, b.sense)
+
+    first = next((k for k in range(len(row)) if not goes_on_from(k)), 0)
+    runs: list[tuple[int, ...]] = []
+    for k in [*range(first, len(row)), *range(first)]:
+        if not isinstance(row[k], Arc):
+            continue
+        if k != first and goes_on_from(k):
+            runs[-1] = (*runs[-1], k)
+        else:
+            runs.append((k,))
+    return runs
+
+
+def _turn_of(row: Sequence[Carrier], run: Sequence[int]) -> float:
+    """The angle by which arcs turn in all."""
+    arcs = [arc for arc in (row[k] for k in run) if isinstance(arc, Arc)]
+    return sum(4 * math.asin(min(1.0, math.dist(*arc.points[:2]) / (2 * arc.radius))) for arc in arcs)

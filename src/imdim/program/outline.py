@@ -34,7 +34,8 @@ MOST_CURVES = 2000  # of one outline
 TOUCHING = 1e-9  # of the outline's extent, within which two curves touch
 SPREAD = 1e-6  # sine of the angle between two lines, from which rounding does not move where they cross
 AT_END = 1e-4  # of the step between corners of a circle: one as near to an arc's end is that end
-PARTING = 5e-5  # of it, by which neighbours that are all but tangent may part before they meet again
+ONE_CIRCLE = 1e-6  # of a radius, by which centres and radii differ that files keep of one circle
+PARTING = 5e-5  # of the extent, by which neighbours that are all but tangent may part before they meet again
 UPRIGHT = 1e-7  # of a unit normal, below which its x is none
 LEAST_BULGE, MOST_BULGE = 1e-9, 1e9  # of an arc whose centre, or whose ends, can be told from its other numbers
 
@@ -311,22 +312,34 @@ def _signs(loops: Sequence[Loop]) -> list[int]:
 
 def flatten_loop(loop: Loop, segments: int) -> list[Point]:
     """The corners of a polygon whose vertices lie on the loop. Those of an arc are its ends and where the corners of a regular polygon of
-    so many `segments` lie, the first along x from the centre, so that walls on one circle have the same facets, whatever drew them. Those
-    of an ellipse are these stretched."""
+    so many `segments` lie, the first along x from the centre, so that walls on one circle have the same facets, whatever drew them: where
+    arcs go on in one another is no corner. Those of an ellipse are these stretched."""
     if isinstance(loop, Ellipse):
         return [ellipse_point(loop, 2 * math.pi * k / segments) for k in range(segments)]
     out: list[Point] = []
     step = 2 * math.pi / segments
-    for curve in ring_curves(loop):
+    curves = ring_curves(loop)
+    for before, curve in zip((curves[-1], *curves), curves, strict=False):
         x, y, _, _, b = curve
-        out.append((x, y))
-        if b:
-            (cx, cy), radius, turn = arc_center(curve), arc_radius(curve), 4 * math.atan(b)
-            ends = math.atan2(y - cy, x - cx) / step, (math.atan2(y - cy, x - cx) + turn) / step
-            inner = range(math.floor(min(ends) + AT_END) + 1, math.ceil(max(ends) - AT_END))
-            angles = [step * k for k in (inner if b > 0 else reversed(inner))]
-            out += [(cx + radius * math.cos(a), cy + radius * math.sin(a)) for a in angles]
+        if not b:
+            out.append((x, y))
+            continue
+        (cx, cy), radius, turn = arc_center(curve), arc_radius(curve), 4 * math.atan(b)
+        ends = math.atan2(y - cy, x - cx) / step, (math.atan2(y - cy, x - cx) + turn) / step
+        if abs(ends[0] - round(ends[0])) <= AT_END or not _goes_on(before, curve):
+            out.append((x, y))
+        inner = range(math.floor(min(ends) + AT_END) + 1, math.ceil(max(ends) - AT_END))
+        angles = [step * k for k in (inner if b > 0 else reversed(inner))]
+        out += [(cx + radius * math.cos(a), cy + radius * math.sin(a)) for a in angles]
     return out
+
+
+def _goes_on(arc: Curve, following: Curve) -> bool:
+    """Whether an arc follows another on one circle, the same way round."""
+    if arc[4] * following[4] <= 0:
+        return False
+    radius, other = arc_radius(arc), arc_radius(following)
+    return max(abs(radius - other), math.dist(arc_center(arc), arc_center(following))) <= ONE_CIRCLE * radius
 
 
 class CrossingError(ValueError):
