@@ -197,8 +197,8 @@ def test_an_arc_that_would_cross_the_axis_with_round_numbers_keeps_its_own():
 
 
 def test_arcs_of_one_boss_stay_on_one_circle_and_its_fillet_follows():
-    """A boss that turns by more than half is drawn as two arcs. The fillet at its foot, whose centre is poorly known, had moved the one that
-    it touches, and where both no longer met they kept the numbers of the mesh, a hair beside the boss that stands there."""
+    """A boss that turns by more than half is drawn as two arcs. The fillet at its foot, whose centre is poorly known, had moved the one
+    that it touches, and where both no longer met they kept the numbers of the mesh, a hair beside the boss that stands there."""
     boss, fillet, floor = 3.1, 1.0, -4.0
     beside = -math.sqrt((boss + fillet) ** 2 - (floor + fillet) ** 2)
     low, touch, split = math.atan2(-math.sqrt(boss**2 - 4), 2.0), math.atan2(floor + fillet, beside) + 2 * math.pi, math.radians(100.0)
