@@ -7,7 +7,7 @@ from tests.export.test_collisions import _read
 
 from imdim.export.edit import change_values, solid_of
 from imdim.geometry.census import census_of
-from imdim.program.outline import Outline
+from imdim.program.outline import Loop, Outline
 from imdim.program.tree import Combine, Primitive, leaves
 
 
@@ -153,3 +153,20 @@ def test_a_drilled_hole_is_as_deep_as_it_goes_from_its_face():
     _, deeper = leaves(change_values(part, {name: 10.5}).program)
     lowest = min(y for _, y, _ in deeper.outline.loops[0]) + deeper.center[2]
     assert lowest == pytest.approx(-10.5)
+
+
+def test_a_thin_ring_that_is_cut_is_as_thick_as_it_is_however_large():
+    """Two diameters that differ by less than a tenth would let no tenth more of one through."""
+    plate = Primitive("cylinder", (40.0, 10.0))
+    grooves = Primitive("revolve", (360.0,), (0.0, 0.0, 4.5), outline=Outline((_ring(24, 25, 0.5), _ring(27, 28.5, 0.5))))
+    part = _read(Combine("difference", plate, grooves))
+    assert sorted(value for name, value in part.values.items() if "thickness" in name) == pytest.approx([1.0, 1.5])
+    for name, edited in _tenths(part):
+        _, cut = leaves(edited.program)
+        inner, outer = ([x for x, _, _ in loop] for loop in cut.outline.loops)
+        assert max(inner) - min(inner) == pytest.approx(1.0, rel=0.11), name
+        assert max(outer) - min(outer) == pytest.approx(1.5, rel=0.11), name
+
+
+def _ring(inner: float, outer: float, half: float) -> Loop:
+    return tuple((float(x), z, 0.0) for x, z in ((inner, -half), (outer, -half), (outer, half), (inner, half)))

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from imdim.export.outline_joints import NEARLY, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Row, X, Y, sum_rows
 from imdim.export.outline_walls import EXACT
 from imdim.export.slot_sizes import has_round_ends, size_slot
-from imdim.program.outline import Point
+from imdim.program.outline import Outline, Point
 from imdim.program.tree import Primitive
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ class OutlineDimensions:
 
     def __init__(self, system: LinearSystem, leaf: int, part: Primitive, cuts: bool, axes: Sequence[Point] = ()) -> None:
         assert part.outline is not None
+        self.cuts = cuts
         self.may_be_slot = cuts and part.kind == "extrude" and has_round_ends(part.outline)
         self.system, self.leaf, self.part, self.outline = system, leaf, part, part.outline
         self.slack = EXACT * system.length
@@ -253,21 +254,22 @@ class OutlineDimensions:
 
     def _add(self, what: str, places: Iterable[tuple[int, float]], extents: tuple[str, str], single: tuple[str, str]) -> None:
         """Variables for places along an axis, those farthest out first; none for what lies on the axis itself."""
+        turned = self.part.kind == "revolve"
         found = {(axis, self.joints.cell(place)): place for axis, place in places if abs(place) > self.slack}
         for axis, cell in sorted(found, key=lambda k: (k[0], -abs(k[1]), k[1])):
             place = found[axis, cell]
             self.places[what, axis, cell] = place
             if (what, axis, cell) in self.known:
                 continue
-            if self.part.kind == "revolve" and axis == Y:
+            if turned and axis == Y:
                 self.known[what, axis, cell] = {self._new("level", place): 1.0}
                 continue
-            both = (axis, self.joints.cell(-place)) in found and self.part.kind != "revolve"
-            outer = self._next_out(what, axis, place, from_end=not both and axis not in self.about_middle)
+            both = (axis, self.joints.cell(-place)) in found and not turned
+            outer = self._next_out(what, axis, place, from_end=not both and not turned and axis not in self.about_middle)
             if outer is None and (self._add_walls(what, axis, abs(place)) if both else self._add_wall(what, axis, place)):
                 continue
             if outer is not None and (not both or (what, axis, self.joints.cell(-outer)) in self.known):
-                gap = self._new(f"inset_{'xy'[axis]}", abs(outer) - abs(place))
+                gap = self._new("thickness" if turned else f"inset_{'xy'[axis]}", abs(outer) - abs(place))
                 for side in (1, -1) if both else (math.copysign(1.0, place),):
                     known = self.find_place(what, axis, side * abs(outer))
                     self.known[what, axis, self.joints.cell(side * abs(place))] = sum_rows((known, 1.0), ({gap: 1.0}, -side))
@@ -305,9 +307,9 @@ class OutlineDimensions:
         return True
 
     def _next_out(self, what: str, axis: int, place: float, from_end: bool = False) -> float | None:
-        """The place next further out that is near enough to be measured from, or however far the outline's end, if `from_end`; of an
-        extrusion's lines alone, others are told by radii."""
-        if what not in (side_of(False), side_of(True)) or self.part.kind == "revolve":
+        """The place next further out that is near enough to be measured from, or however far the outline's end, if `from_end`; of lines of
+        an extrusion and of thin rings that are cut alone, others are told by radii."""
+        if what not in (side_of(False), side_of(True)) or (self.part.kind == "revolve" and not self._is_in_ring(place)):
             return None
         outer = [
             p
@@ -318,6 +320,13 @@ class OutlineDimensions:
         if near is None or (from_end and any(abs(corner[axis] - near) <= self.slack for corner in self.outline.bounds)):
             return near
         return near if abs(near) - abs(place) <= NEAR * abs(near) else None
+
+    def _is_in_ring(self, radius: float) -> bool:
+        """Whether a radius of a turned cut is that of a wall of a thin ring, behind its outermost: the ring is as thick as it is, however
+        large. A tube, in whose walls others end, has diameters."""
+        bounds = (Outline((loop,)).bounds for loop in self.outline.loops)
+        sides = [(low[X], high[X]) for low, high in bounds]
+        return self.cuts and any(high - low <= NEAR * high and low - self.slack <= radius < high - self.slack for low, high in sides)
 
     def row_of_line(self, inner: bool, axis: int, place: float) -> Row:
         """The variables whose sum the place of a line across an axis is; none for what lies on the origin, or has no place."""
