@@ -1,16 +1,17 @@
 """Relations that hold by chance bind no edit; those that a designer may have meant stay."""
 
+import pytest
 from tests.export.test_outlines import SEGMENTS
 
 from imdim.delivery.finish import finish
 from imdim.export.chance import without_chance
 from imdim.export.delivered import texts_of
 from imdim.export.edit import change_values, open_delivered, solid_of
-from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.geometry.solid import bounds_of, to_manifold, volume_iou
 from imdim.program.codec import dumps, parse
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.outline import Outline
-from imdim.program.tree import Combine, Primitive, combine_all
+from imdim.program.tree import Combine, Primitive, combine_all, leaves
 from imdim.reconstruction.fitting import relations_of
 
 
@@ -154,3 +155,18 @@ def test_a_bore_begins_and_ends_with_its_boss() -> None:
         ("coplanar", "-z", "-z"),
         ("coplanar", "+z", "+z"),
     ]
+
+
+def test_the_middle_of_what_goes_from_face_to_face_is_that_of_its_carrier():
+    """A wing as high as the plate had a groove at half its height, and so the groove, not the plate, said how high the wing was."""
+    plate, wing = Primitive("box", (40.0, 20.0, 12.0), (0.0, 0.0, 6.0)), Primitive("box", (8.0, 8.0, 12.0), (22.0, 0.0, 6.0))
+    groove = Primitive("box", (20.0, 12.0, 3.0), (-15.0, 8.0, 6.0))
+    step = Primitive("box", (14.0, 30.0, 9.0), (-20.0, 0.0, 12.0))
+    program = Combine("difference", Combine("union", Combine("difference", plate, step), wing), groove)
+    level = Constraint("aligned", (Ref(2), Ref(3)), about=Ref(WORLD, "z"), name="level")
+    pairs = (Ref(1, "-z"), Ref(3, "+z")), (Ref(0, "-z"), Ref(2, "-z")), (Ref(0, "+z"), Ref(2, "+z"))
+    flush = [Constraint("coplanar", pair, name=f"flush_{i}") for i, pair in enumerate(pairs)]
+    after = change_values(delivered(program, [level, *flush]), {"body_height": 14.0})
+    low, high = bounds_of(solid_of(after))
+    assert (low[2], high[2]) == pytest.approx((0.0, 14.0))
+    assert list(leaves(after.program))[2].size[2] == pytest.approx(14.0)

@@ -49,6 +49,8 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
             out += _by_ends(constraint, parts, cuts)
         else:
             out.append(constraint)
+    # ends of several cuts may lie in one face
+    out = [*{(c.kind, c.of, c.about): c for c in out}.values()]
     return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
 
 
@@ -71,15 +73,26 @@ def end_together(program: Program, constraints: Sequence[Constraint]) -> tuple[C
 
 def rest_on_faces(constraints: Sequence[Constraint], found: Iterable[Seat], parts: Sequence[Primitive]) -> list[Constraint]:
     """The constraints with faces in place of the ends that lie in these and follow them anyway, as is `found`: a boss carries its bore, and
-    does not end where that does."""
+    does not end where that does. What lies from face to face of another is where that is: its middle is the other's."""
     largest = longest(parts)
     level = [(seat.own, seat.face) for seat in found if not seat.word and not sticks_out(seat, parts, largest)]
     faces = {Ref(own.leaf, own.local): Ref(face.leaf, face.local) for own, face in level}
+    carriers = {(own.leaf, own.axis, own.side): face.leaf for own, face in level}
     out: list[Constraint] = []
     for c in constraints:
-        of = list(dict.fromkeys(faces.get(ref, ref) for ref in c.of)) if c.kind == "coplanar" else list(c.of)
+        of = list(c.of)
+        if c.kind == "coplanar":
+            of = list(dict.fromkeys(faces.get(ref, ref) for ref in c.of))
+        elif c.kind == "aligned" and c.about is not None and c.about.leaf == WORLD:
+            of = list(dict.fromkeys(_carried(ref, "xyz".index(c.about.feature), carriers) for ref in c.of))
         out += [c] if tuple(of) == c.of else _of_some(c, of)
     return out
+
+
+def _carried(ref: Ref, axis: int, carriers: Mapping[tuple[int, int, int], int]) -> Ref:
+    """What carries a leaf at both of its ends along an axis, in place of that."""
+    low, high = (carriers.get((ref.leaf, axis, side)) for side in (-1, 1))
+    return ref if ref.feature or low is None or low != high else Ref(low)
 
 
 def _by_ends(concentric: Constraint, parts: Sequence[Primitive], cuts: Sequence[Sequence[int]]) -> list[Constraint]:
