@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from manifold3d import Manifold
+from manifold3d import CrossSection, Manifold
 from scipy.spatial.transform import Rotation
 from tests.deadlines import PASSED
 from tests.occ_mesh import occ_mesh
@@ -30,6 +30,8 @@ from tests.planted import (
 )
 
 from imdim.deadline import NEVER
+from imdim.detection.facets import facets_of
+from imdim.detection.mesh_support import believable
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.geometry.solid import to_trimesh
 from imdim.geometry.surface import Surface, normals, signed_distance, vec
@@ -288,3 +290,22 @@ def test_sides_far_within_their_circle_are_a_polygons(sides, flats):
     round_ones = [patch.surface.sizes[0] for patch in patches if patch.surface.kind == "cylinder"]
     assert round_ones == pytest.approx([1.5] if flats else [20.0, 1.5], abs=1e-3)
     assert sum(patch.surface.kind == "plane" for patch in patches) == 2 + flats
+
+
+@pytest.mark.parametrize(("height", "is_round"), [(10.0, True), (0.005, False)])
+def test_a_needle_that_a_cut_leaves_makes_no_two_strips_a_cylinder(height, is_round):
+    """A strip of a coarse funnel, that of the bore below it and a needle between the two lie on a wide cylinder across."""
+    angles = np.radians([0.0, 12.0, 24.0, 36.0])
+    rim = np.column_stack([48.0 * np.cos(angles), 48.0 * np.sin(angles)])
+    strips = [[(*rim[k], 0.0), (*rim[k + 1], 0.0), (*rim[k + 1], high), (*rim[k], high)] for k, high in enumerate((10.0, 10.0, height))]
+    faces = [face for k in (0, 4, 8) for face in ((k, k + 1, k + 2), (k, k + 2, k + 3))]
+    facets = facets_of(trimesh.Trimesh(np.vstack(strips), faces, process=False))
+    assert believable(Surface("cylinder", (0.0, 0.0, 5.0), (0.0, 0.0, 1.0), (48.0,)), np.arange(3), facets) == is_round
+
+
+def test_a_coarse_bent_rod_is_a_torus_of_four_steps():
+    """An elbow of sixteen sides goes round its quarter in four, and each of these is an elliptic cylinder too."""
+    section = CrossSection.circle(6.0, 16).translate((25.0, 0.0))
+    post = turned_post(6.0, 30.0, 16).rotate((90.0, 0.0, 0.0)).translate((25.0, -15.0, 0.0))
+    found = Counter(p.surface.kind for p in detect_patches(to_trimesh(section.revolve(4, 90.0) + post)))
+    assert (found["torus"], found["elliptic"]) == (1, 0)

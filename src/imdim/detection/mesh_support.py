@@ -21,6 +21,10 @@ WIDER, FAR_MORE = 3.0, 1.5  # tolerances about a carrier, in which times as many
 LOPSIDED, LOPSIDED_STEPS = 0.3, 0.6  # of what a ball's band spans, by which its middle is off the equator; what that is worth in steps
 LEAN = 0.6  # of what it leans by at a corner: what a facet may lean by in its middle
 LEVEL = math.radians(2.0)  # beside that
+WHOLE_TUBE = 1.0  # further steps that a tube counts as along its bend: an elbow of 16 sides has four, and no cone goes all around
+NEEDLES = (
+    1e-3  # of the largest facet's area, up to which one that a cut has left tells nothing: any two strips and its corner lie on a cylinder
+)
 SLIVERS = 0.3  # of a facet's area, up to which triangles tell nothing of how it leans
 MOSTLY = 0.75  # of its corners, that lie on an elliptic cylinder
 PARTED = 0.3  # of what a sphere's facets span one way, from which a gap between them parts two bands,
@@ -191,9 +195,9 @@ def believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
     least = {"cylinder": 3, "cone": 3, "sphere": 6, "torus": 8, "ellipsoid": 12, "elliptic": 7}[surface.kind]
     if surface.kind == "cone" and surface.sizes[0] > 1.35:
         least = 8  # nearly flat
-    if len(members) < least:
-        return False
     areas = facets.areas[members]
+    if (areas > NEEDLES * areas.max(initial=0.0)).sum() < least:
+        return False
     if surface.kind != "cylinder" and areas.max() > ONE_FACET * areas.sum():
         return False
     if surface.kind == "cylinder" and (
@@ -262,7 +266,13 @@ def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float
     around = np.arctan2(local[..., 1], local[..., 0])
     radial = np.cos(around)[..., None] * frame[:, 0] + np.sin(around)[..., None] * frame[:, 1]
     along = np.arctan2(direction @ frame[:, 2], (direction * radial).sum(2))
-    return min(_turns(along, areas), _turns(around, areas))
+    return min(_turns(along, areas), _turns(around, areas) + (WHOLE_TUBE if _is_closed(along) else 0.0))
+
+
+def _is_closed(angles: np.ndarray) -> bool:
+    """Whether corners go all around, as those of a tube do and those of a fillet do not."""
+    places = np.unique(angles)
+    return bool(np.diff(places, append=places[0] + 2 * np.pi).max() < np.pi / 2)
 
 
 def _are_two_bands(angles: np.ndarray) -> bool:
