@@ -22,9 +22,7 @@ LOPSIDED, LOPSIDED_STEPS = 0.3, 0.6  # of what a ball's band spans, by which its
 LEAN = 0.6  # of what it leans by at a corner: what a facet may lean by in its middle
 LEVEL = math.radians(2.0)  # beside that
 WHOLE_TUBE = 1.0  # further steps that a tube counts as along its bend: an elbow of 16 sides has four, and no cone goes all around
-NEEDLES = (
-    1e-3  # of the largest facet's area, up to which one that a cut has left tells nothing: any two strips and its corner lie on a cylinder
-)
+NEEDLES = 1e-3  # of the largest facet's area, up to which one tells nothing: any two strips and a corner lie on a cylinder
 SLIVERS = 0.3  # of a facet's area, up to which triangles tell nothing of how it leans
 MOSTLY = 0.75  # of its corners, that lie on an elliptic cylinder
 PARTED = 0.3  # of what a sphere's facets span one way, from which a gap between them parts two bands,
