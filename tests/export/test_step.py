@@ -267,6 +267,16 @@ def test_bodies_apart_stay_apart(tmp_path):
     assert solids(tmp_path / "part.step") == 2
 
 
+@pytest.mark.parametrize(("others", "solids"), [(0, 1), (1, 2)])
+def test_crumbs_are_no_solids(others, solids, tmp_path):
+    """What booleans leave of faces that all but touch: here it is drawn, and is a ten-millionth of the part in all."""
+    blocks = [Primitive("box", (10.0, 10.0, 10.0), (20.0 * i, 0.0, 0.0)) for i in range(1 + others)]
+    crumbs = [Primitive("box", (0.02, 0.02, 0.02), (2.0 * i, 9.0, 0.0)) for i in range(3)]
+    write_step(combine_all("union", [*blocks, *crumbs]), tmp_path / "part.step")
+    assert step_booleans.solids_in(read_step(tmp_path / "part.step")) == solids
+    assert step_volume(tmp_path / "part.step") == pytest.approx(1000.0 * (1 + others), rel=1e-9)
+
+
 def test_what_opencascade_loses_at_near_coincident_edges_is_built_again(tmp_path):
     """Its union of these alone is an empty shape that it calls valid."""
     frame = Outline(

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
-from imdim.geometry.solid import COMBINE, SEGMENTS, draw_section, primitive_to_manifold
+from imdim.geometry.solid import COMBINE, CRUMB, SEGMENTS, draw_section, primitive_to_manifold
 from imdim.program.nary import fold_nary
 from imdim.program.outline import Outline
 from imdim.program.rewrite.spread import spread_intersections
@@ -167,11 +167,27 @@ def _finish(shape: Any, error: float, volume: float, survives: Callable[[Any], b
     """A shape that misses the exact `volume` by the relative `error`, with its faces merged, or as it is if only that survives; None where
     neither does."""
     close = error < CLOSE
+    shape = _drop_crumbs(shape, volume)
     merged = merge_faces(shape, volume, CLOSE if close else ROUGH)
     for tried in (merged,) if merged is shape else (merged, shape):
         if survives(tried):
             return _Built(tried, close, solids_in(tried))
     return None
+
+
+def _drop_crumbs(shape: Any, volume: float) -> Any:
+    """The shape of a `volume` without the solids that are but what booleans leave of faces that all but touch."""
+    solids = _list_solids(shape)
+    whole = [solid for solid in solids if shape_volume(solid, ROUGH) > CRUMB * volume]
+    if len(whole) == len(solids) or not whole:
+        return shape
+    if len(whole) == 1:
+        return whole[0]
+    builder, kept = ocp("BRep").BRep_Builder(), ocp("TopoDS").TopoDS_Compound()
+    builder.MakeCompound(kept)
+    for solid in whole:
+        builder.Add(kept, solid)
+    return kept
 
 
 def _build_plain(program: Program, place: Callable[[Primitive], Any], fuzzy: float) -> tuple[Any, str]:
@@ -375,9 +391,13 @@ def shape_volume(shape: Any, error: float) -> float:
 
 
 def solids_in(shape: Any) -> int:
-    explorer, solids = ocp("TopExp").TopExp_Explorer(shape, ocp("TopAbs").TopAbs_ShapeEnum.TopAbs_SOLID), 0
+    return len(_list_solids(shape))
+
+
+def _list_solids(shape: Any) -> list[Any]:
+    explorer, solids = ocp("TopExp").TopExp_Explorer(shape, ocp("TopAbs").TopAbs_ShapeEnum.TopAbs_SOLID), []
     while explorer.More():
-        solids += 1
+        solids.append(explorer.Current())
         explorer.Next()
     return solids
 

@@ -9,9 +9,7 @@ import trimesh
 from manifold3d import Manifold
 
 from imdim.geometry.components import components
-from imdim.geometry.solid import solid_of, to_trimesh
-
-CRUMB = 1e-7  # of the volume: a smaller piece is what booleans leave of faces that touch
+from imdim.geometry.solid import CRUMB, solid_of, to_trimesh
 
 
 @dataclass(frozen=True)

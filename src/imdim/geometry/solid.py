@@ -27,6 +27,7 @@ SEGMENTS = 96
 GRID = 1e-9  # of the power of ten above the largest size, in steps of which corners lie
 TOUCHING = 5  # steps that places along an axis are apart at most where they are one: rounding alone may part what is a digit apart
 ALONG = 1e-9  # of the cosine of a right angle, or none
+CRUMB = 1e-7  # of the volume: a smaller piece is what booleans leave of faces that touch
 KEPT = 32  # solids: one step asks for what the steps before it made
 SWEEPS_KEPT = 256  # drawings that are extruded or turned
 

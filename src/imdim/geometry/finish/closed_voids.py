@@ -14,11 +14,11 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
-from imdim.geometry.census import CRUMB, SolidCensus, census_of, find_pieces
+from imdim.geometry.census import SolidCensus, census_of, find_pieces
 from imdim.geometry.finish.extend import plane_faces
 from imdim.geometry.finish.loose_bodies import LOST, OVERLAPS, REACH, FaceMove, heights, move_face, round_up, straight_walls
 from imdim.geometry.finish.tolerances import TOUCH
-from imdim.geometry.solid import bounds_of, corners_of, to_manifold, volume_iou
+from imdim.geometry.solid import CRUMB, bounds_of, corners_of, to_manifold, volume_iou
 from imdim.program.roles import signs
 from imdim.program.tree import Program, leaves, map_leaves
 

@@ -17,11 +17,20 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
-from imdim.geometry.census import CRUMB, SolidCensus, census_of, find_pieces
+from imdim.geometry.census import SolidCensus, census_of, find_pieces
 from imdim.geometry.finish.cutter_walls import redraw_loop, straighten_run
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
 from imdim.geometry.finish.tolerances import TOUCH
-from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, join_touching, symmetric_difference_volume, to_manifold, volume_iou
+from imdim.geometry.solid import (
+    CRUMB,
+    bounds_of,
+    corners_of,
+    exact_rotation,
+    join_touching,
+    symmetric_difference_volume,
+    to_manifold,
+    volume_iou,
+)
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import arc_center, arc_radius, orient_loops, ring_curves
 from imdim.program.paths import leaf_paths, without
