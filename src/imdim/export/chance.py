@@ -84,13 +84,13 @@ def rest_on_faces(constraints: Sequence[Constraint], found: Iterable[Seat], part
         if c.kind == "coplanar":
             of = list(dict.fromkeys(faces.get(ref, ref) for ref in c.of))
         elif c.kind == "aligned" and c.about is not None and c.about.leaf == WORLD:
-            of = list(dict.fromkeys(_carried(ref, "xyz".index(c.about.feature), carriers) for ref in c.of))
+            of = list(dict.fromkeys(_find_carrier(ref, "xyz".index(c.about.feature), carriers) for ref in c.of))
         out += [c] if tuple(of) == c.of else _of_some(c, of)
     return out
 
 
-def _carried(ref: Ref, axis: int, carriers: Mapping[tuple[int, int, int], int]) -> Ref:
-    """What carries a leaf at both of its ends along an axis, in place of that."""
+def _find_carrier(ref: Ref, axis: int, carriers: Mapping[tuple[int, int, int], int]) -> Ref:
+    """What carries a leaf at both of its ends along an axis; the leaf itself where nothing does."""
     low, high = (carriers.get((ref.leaf, axis, side)) for side in (-1, 1))
     return ref if ref.feature or low is None or low != high else Ref(low)
 
