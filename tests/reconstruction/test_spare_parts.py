@@ -54,6 +54,8 @@ def test_a_part_whose_crumbs_cannot_be_mended_stays(seen: Observation) -> None:
     assert drop_spare(program, *price, mend=lambda _: None) == program
     mended = cut(PLATE, HOLE, cylinder(0.05, 0.201, (-0.2, 0.1, 0.0)))
     assert drop_spare(program, *price, mend=lambda _: mended) == mended
+    costly = cut(PLATE, HOLE, SECOND, cylinder(0.1, 0.2, (0.0, -0.1, 0.0)))
+    assert drop_spare(program, *price, mend=lambda _: costly) == program
 
 
 def test_past_the_deadline_all_stays(seen: Observation) -> None:

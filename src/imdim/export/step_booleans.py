@@ -178,7 +178,7 @@ def _finish(shape: Any, error: float, volume: float, survives: Callable[[Any], b
 def _drop_crumbs(shape: Any, volume: float) -> Any:
     """The shape of a `volume` without the solids that are but what booleans leave of faces that all but touch."""
     solids = _list_solids(shape)
-    whole = [solid for solid in solids if shape_volume(solid, ROUGH) > CRUMB * volume]
+    whole = [solid for solid in solids if abs(shape_volume(solid, ROUGH)) > CRUMB * volume]
     if len(whole) == len(solids) or not whole:
         return shape
     if len(whole) == 1:

@@ -81,8 +81,8 @@ def join_touching(program: Program, segments: int = SEGMENTS) -> Manifold:
     """As `to_manifold`; corners lie on a grid, as in OpenSCAD, and those a few steps apart along an axis lie at one place: faces that are
     one to the digits of floats, and drawn ones to the 27 bits behind the point that sections keep of them, touch. The axes are those that
     most primitives lie along, since a grid parts faces that lean to it, and from which the corners of round ones begin."""
-    axes = _common_axes(program)
-    own = [_own_rotation(leaf, axes) for leaf in leaves(program)]
+    axes = _find_common_axes(program)
+    own = [_find_own_rotation(leaf, axes) for leaf in leaves(program)]
     parts = [_place(leaf, turn, axes.T @ leaf.center, segments) for leaf, turn in zip(leaves(program), own, strict=True)]
     step = GRID * 10.0 ** math.ceil(math.log10(longest(leaves(program))))
     known = [np.unique(places) for places in np.vstack([corners_of(part) for part in parts]).T]
@@ -96,7 +96,7 @@ def join_touching(program: Program, segments: int = SEGMENTS) -> Manifold:
     return joined.transform(np.column_stack([axes, np.zeros(3)]))
 
 
-def _common_axes(program: Program) -> np.ndarray:
+def _find_common_axes(program: Program) -> np.ndarray:
     """The axes that most primitives lie along, as the columns of a rotation [3, 3]: those of the world unless others are more often. Round
     ones lie along any that hold their axis."""
     rest, best, most = np.array([exact_rotation(leaf) for leaf in leaves(program) if not is_round(leaf)]), np.eye(3), 0
@@ -110,7 +110,7 @@ def _common_axes(program: Program) -> np.ndarray:
     return best
 
 
-def _own_rotation(leaf: Primitive, axes: np.ndarray) -> np.ndarray:
+def _find_own_rotation(leaf: Primitive, axes: np.ndarray) -> np.ndarray:
     """How a leaf is turned within `axes` [3, 3]; by right angles alone where it lies along them but for the digits of floats."""
     turn = axes.T @ exact_rotation(leaf)
     along = _lies_along(turn)

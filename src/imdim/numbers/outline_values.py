@@ -422,9 +422,9 @@ class _Snapping:
         stay on one; where they turn by more than half of it and touch arcs alone, it is these that follow."""
         n = len(row)
         beside = {k: [m for m, touch in (((k - 1) % n, touches[k - 1]), ((k + 1) % n, touches[k])) if touch] for k in range(n)}
-        found = [(run, [m for k in run for m in beside[k]]) for run in _runs_on_circles(row)]
+        found = [(run, [m for k in run for m in beside[k]]) for run in _list_runs_on_circles(row)]
         lines = {run: sum(isinstance(row[m], Line) for m in others) for run, others in found}
-        settled = {k for run, others in found if not others or (not lines[run] and _turn_of(row, run) > math.pi) for k in run}
+        settled = {k for run, others in found if not others or (not lines[run] and _measure_turn(row, run) > math.pi) for k in run}
         # arcs between lines first: the others have to follow them
         for run, others in sorted(found, key=lambda pair: -lines[pair[0]]):
             arc = row[run[0]]
@@ -470,7 +470,7 @@ class _Snapping:
         return found
 
 
-def _runs_on_circles(row: Sequence[Carrier]) -> list[tuple[int, ...]]:
+def _list_runs_on_circles(row: Sequence[Carrier]) -> list[tuple[int, ...]]:
     """The numbers of the arcs of a loop, those that follow one another on one circle together."""
 
     def goes_on_from(k: int) -> bool:
@@ -489,7 +489,7 @@ def _runs_on_circles(row: Sequence[Carrier]) -> list[tuple[int, ...]]:
     return runs
 
 
-def _turn_of(row: Sequence[Carrier], run: Sequence[int]) -> float:
+def _measure_turn(row: Sequence[Carrier], run: Sequence[int]) -> float:
     """The angle by which arcs turn in all."""
     arcs = [arc for arc in (row[k] for k in run) if isinstance(arc, Arc)]
     return sum(4 * math.asin(min(1.0, math.dist(*arc.points[:2]) / (2 * arc.radius))) for arc in arcs)

@@ -319,7 +319,7 @@ def flatten_loop(loop: Loop, segments: int) -> list[Point]:
     out: list[Point] = []
     step = 2 * math.pi / segments
     curves = ring_curves(loop)
-    for before, curve in zip((curves[-1], *curves), curves, strict=False):
+    for before, curve in zip((curves[-1], *curves[:-1]), curves, strict=True):
         x, y, _, _, b = curve
         if not b:
             out.append((x, y))

@@ -23,8 +23,8 @@ def drop_spare(
     """The program without the primitives, and the loops of drawings, without which its `price` is lower, the last ones first.
 
     The price is asked only where an `estimate` of it, which may be off by `slack`, does not tell. What goes may leave crumbs of what it
-    cut, which `mend` takes away too; where it finds no way, and says None, the part stays, as do the others past the `deadline` (by default
-    never).
+    cut, which `mend` takes away too; where it finds no way, and says None, or that costs more than the part, the part stays, as do the
+    others past the `deadline` (by default never).
     """
 
     def is_better(fewer: Program) -> bool:
@@ -32,7 +32,8 @@ def drop_spare(
 
     i, whole = len(leaf_paths(program)) - 1, estimate(program)
     while i >= 0 and not deadline.has_passed():
-        fewer = next(filter(None, map(mend, filter(is_better, _leave_out(program, i)))), None)
+        mended = filter(None, map(mend, filter(is_better, _leave_out(program, i))))
+        fewer = next(filter(is_better, mended), None)
         i -= fewer is None or len(leaf_paths(fewer)) < len(leaf_paths(program))
         if fewer is not None:
             program, whole = fewer, estimate(fewer)
