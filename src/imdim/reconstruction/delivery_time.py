@@ -19,22 +19,22 @@ FITTED = 20.0  # solids that are made while numbers are fitted
 OWN = 0.5  # of the time that a search has left, which it keeps
 # seconds that the shares leave of a noisy cloud in any case before numbers are fitted, and from then on
 ALLOWED_S, ALLOWED_AFTER_S = 1.5, 5.0
-STEP_S = 7.0  # which a STEP file takes beyond what is counted
-AGAIN_S, EACH_S = 6.0, 0.15  # more for that of a long program, and for each of its primitives beyond a few: the booleans of two in four
-# went wrong at once, and were done again
-FILES_S, MORE_S, FEW = 7.0, 0.6, 20  # for the files of a finished program, STEP among them, and for those of each primitive beyond a few
+FILES_S = 7.0  # for the files of a finished program, STEP among them
+# more for those of a long program, and for each of its primitives beyond a few: OpenCASCADE's booleans of two in four went wrong at once,
+# and were done again one by one
+AGAIN_S, EACH_S, FEW = 6.0, 0.75, 20
 
 
 def time_to_write(program: Program) -> float:
     """How many seconds the files of a finished program take: OpenCASCADE needs 10 to 20 for the solid of a long one."""
-    return FILES_S + _again_s(program) + MORE_S * max(count(program).primitives - FEW, 0)
+    return FILES_S + _long_s(program)
 
 
 def leave_time_for_files(program: Program, deadline: Deadline, end: Deadline) -> Deadline:
     """The deadline of work on a mesh's program, earlier where the time from then to the `end` is too short to deliver it, with its STEP."""
     if deadline.at == math.inf:
         return deadline
-    return leave_time_to_deliver(program, deadline, max(end.at - deadline.at - STEP_S - _again_s(program), 0.0))
+    return leave_time_to_deliver(program, deadline, max(end.at - deadline.at - FILES_S - _long_s(program), 0.0))
 
 
 def leave_time_to_fit(program: Program, search_by: Deadline, fit_by: Deadline, end: Deadline) -> Deadline:
@@ -53,6 +53,6 @@ def leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float
     return replace(deadline, at=deadline.at - max(takes_s - allowed_s, 0.0))
 
 
-def _again_s(program: Program) -> float:
+def _long_s(program: Program) -> float:
     more = count(program).primitives - FEW
     return AGAIN_S + EACH_S * more if more > 0 else 0.0
