@@ -45,3 +45,13 @@ def test_flat_ends_of_a_shallow_cone_are_no_facets_of_it():
     rim = to_mesh(Manifold.cylinder(2, 20, 17, 48))
     smooth = np.pi * 2 / 3 * (400 + 340 + 289)
     assert volume_between(rim, detect_patches(rim)) == pytest.approx(smooth - rim.volume, rel=0.05)
+
+
+def test_a_knob_with_grooves_keeps_its_taper():
+    """Most corners of its cone are those of grooves, on chords."""
+    knob = Manifold.cylinder(16, 18, 16, 72)
+    for turn in range(0, 360, 40):
+        knob -= Manifold.cylinder(20, 4, 4, 72).translate([19.5, 0, -1]).rotate([0, 0, turn])
+    (cone,) = [patch.surface for patch in detect_patches(to_mesh(knob)) if patch.surface.kind == "cone"]
+    assert cone.sizes[0] == pytest.approx(np.arctan(2 / 16), abs=1e-6)
+    assert abs(cone.point[2]) == pytest.approx(144.0, abs=1e-3)

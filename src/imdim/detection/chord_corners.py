@@ -3,7 +3,7 @@
 Where two tessellated surfaces cut each other, the corners of the cut lie on the facets of both, up to a sagitta inside of the true
 surfaces, and a least-squares fit is drawn inwards by them: a sphere of radius 10 becomes one of 9.953. Corners of the tessellation
 itself lie on the surface to the last digit of the file. They are the outermost, so a fit that is repeated to the outer points alone
-finds them, as trimmed least squares does (Rousseeuw 1984), and says so itself: then half of all points lie on it to that digit.
+finds them, as trimmed least squares does (Rousseeuw 1984), and says so itself: then half of all points, or many, lie on it to that digit.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ BENT_ONE_WAY = ("sphere", "cylinder", "cone", "ellipsoid", "elliptic")  # all of
 EXACT = 2e-6  # of the diagonal: what single precision leaves of corners that lie on a surface
 INNER = 0.25  # share of the points, the innermost, that each round leaves out
 LEAST_SHARE, LEAST_POINTS = 0.5, 9  # of a patch's points, that must lie on the surface; nine fix an ellipsoid
+ENOUGH = 24  # points, which lie on no surface by chance, whatever their share: nine grooves leave a knob few corners of its own
 ROUNDS = 12
 
 
@@ -40,6 +41,7 @@ def onto_corners(patch: Patch, diagonal: float) -> Patch:
         distance = signed_distance(surface, points)
         if np.abs(distance[kept]).max() <= limit:
             on = np.abs(distance) <= limit
-            exact = np.count_nonzero(on) >= max(LEAST_POINTS, LEAST_SHARE * len(points)) and not (distance > 10 * limit).any()
+            least = min(max(LEAST_POINTS, LEAST_SHARE * len(points)), ENOUGH)
+            exact = np.count_nonzero(on) >= least and not (distance > 10 * limit).any()
             return replace(patch, surface=surface) if exact else patch
     return patch

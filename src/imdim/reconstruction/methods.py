@@ -25,6 +25,7 @@ from imdim.program.front import Choice
 from imdim.program.rewrite.bores import separate_bores, stack_drawings
 from imdim.program.rewrite.cells import end_cuts_with_the_solid, propose_cells
 from imdim.program.rewrite.hidden_arcs import without_hidden_arcs
+from imdim.program.rewrite.hidden_chords import without_hidden_chords
 from imdim.program.rewrite.rims import separate_rims
 from imdim.program.rewrite.separation import hoist_cuts, separate_holes, separate_loops, straighten
 from imdim.program.rewrite.simplify import reduce_program
@@ -256,7 +257,7 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
 
 def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
     """A program that was taken `apart` with each loop as a feature, cuts behind the body, and without what is hidden in the solid that is
-    `drawn`: arcs where lines run into round parts, and walls of what looks like a box from outside."""
+    `drawn`: arcs where lines run into round parts, chords of circles, and walls of what looks like a box from outside."""
     solid = to_manifold(drawn)
     hidden = HIDDEN * solid.volume()
 
@@ -269,7 +270,8 @@ def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
 
     cut_last = hoist_cuts(separate_holes(apart), _is_free_of(solid, deadline))
     whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, change_with, hidden)
-    return straighten(_tidy_cuts(separate_loops(whole), solid, deadline), may_hide, change_with, hidden)
+    parted = _tidy_cuts(separate_loops(whole), solid, deadline)
+    return straighten(without_hidden_chords(parted, may_hide, change_with, hidden), may_hide, change_with, hidden)
 
 
 def _stack_drawings(run: Run, best: MethodStep) -> MethodStep | None:
