@@ -435,3 +435,27 @@ def test_an_elbow_has_one_radius(angle):
     assert (outer.size[0] if angle == 360.0 else sum(x for x, _, _ in outer.outline.loops[0]) / 2) == pytest.approx(30.0)
     assert rest[-1].size == pytest.approx((30.0, 6.0))
     assert [p.center for p in rest[:2]] == [pytest.approx((30.0, -2.0, 0.0)), pytest.approx((-2.0, 30.0, 0.0))]
+
+
+def _ring(x, y, radius):
+    return (x - radius, y, 1.0), (x + radius, y, 1.0)
+
+
+def test_what_shortens_posts_in_a_tray_follows_its_walls_and_not_slots_in_its_floor():
+    outside, inside, slot = ([(-x, -y), (x, -y), (x, y), (-x, y)] for x, y in ((42.0, 27.0), (38.0, 23.0), (1.5, 15.0)))
+    slots = tuple(tuple((x + at, y, 0.0) for x, y in slot) for at in (-21.0, 0.0, 21.0))
+    body = replace(_extrude(outside, 25.0), outline=Outline((*_extrude(outside, 25.0).outline.loops, *slots)))
+    posts = tuple(_ring(x, y, 3.5) for x in (-33.0, 33.0) for y in (-18.0, 18.0))
+    cavity = replace(_extrude(inside, 25.0, (0.0, 0.0, 2.0)), outline=Outline((*_extrude(inside, 25.0).outline.loops, *posts)))
+    tops = Primitive("box", (73.2, 43.2, 7.0), (0.0, 0.0, 11.0))
+    part = opened(Combine("difference", Combine("difference", body, cavity), tops))
+    assert {(2, axis, side) for axis in (0, 1) for side in (-1, 1)} <= find_hidden_ends(part.program)
+    assert [v for v in part.values.values() if v in (73.2, 43.2)] == []
+    moved = 0
+    for name, value in part.values.items():
+        _, wider, cut = leaves(change_values(part, {name: 1.02 * value}).program)
+        for axis in (0, 1):
+            wall = max(vertex[axis] for vertex in wider.outline.loops[0]) + wider.center[axis]
+            assert wall - (cut.center[axis] + cut.size[axis] / 2) == pytest.approx(1.4), name
+            moved += abs(wall - (38.0, 23.0)[axis]) > 1e-6
+    assert moved >= 2

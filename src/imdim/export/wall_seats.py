@@ -47,13 +47,15 @@ def seats_at_walls(
     program: Program, walls: Sequence[FlatWall], hidden: Collection[tuple[int, int, int]]
 ) -> Iterator[tuple[End, FlatWall, str]]:
     """Of cuts that enter an extrusion from its side the walls that their ends follow, and the end that lies inside it, as so deep; of what
-    stands on such a wall the end that is `hidden` in there, by leaf, axis and side, and how high it is."""
+    stands on such a wall the end that is `hidden` in there, by leaf, axis and side, and how high it is. The end of a cut that is hidden in
+    a wider one stays as far before the wall of that."""
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     pairs = {(e.leaf, e.axis, e.side): e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)}
     boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
     placed = _Placed(parts, boxes, cuts_of_each(program), clips_of_each(program), TOUCH * longest(parts))
     whole = [w for w in walls if sign[w.leaf] > 0 and w.span is None]
     pieces = [w for w in walls if sign[w.leaf] > 0 and w.span is not None]
+    around = [w for w in walls if sign[w.leaf] < 0 and w.span is None]
     for end in (e for e in pairs.values() if e.column >= 0):
         other, cuts = pairs[end.leaf, end.axis, -end.side], sign[end.leaf] < 0
         entered = _keep_cut(placed, _between(placed, whole, other, end), end) if cuts else []
@@ -70,6 +72,8 @@ def seats_at_walls(
                     yield end, wall, ""
                 if (other.leaf, other.axis, other.side) not in hidden:
                     yield other, wall, "depth" if cuts else "height"
+            elif cuts and (void := _find_void(placed, around, end)) is not None:
+                yield end, void, ""
 
 
 def _between(placed: _Placed, walls: Sequence[FlatWall], low: End, high: End) -> list[FlatWall]:
@@ -86,9 +90,25 @@ def _keep_cut(placed: _Placed, walls: Sequence[FlatWall], end: End) -> list[Flat
 
 
 def _find_exit(placed: _Placed, walls: Sequence[FlatWall], start: End, end: End) -> FlatWall | None:
-    """The wall through which a cut goes out by an `end`: the outermost."""
-    found = [w for w in _keep_cut(placed, _between(placed, walls, start, end), end) if _covers(w, placed.boxes[end.leaf])]
+    """The wall through which a cut goes out by an `end`: the outermost behind which it does not enter the same leaf again."""
+    covering = [w for w in walls if _covers(w, placed.boxes[end.leaf])]
+    left = _keep_cut(placed, _between(placed, covering, start, end), end)
+    entered = _keep_cut(placed, _between(placed, [w._replace(side=-w.side) for w in covering], start, end), end)
+    found = [w for w in left if not any(v.leaf == w.leaf and v.side * v.place > w.side * w.place for v in entered)]
     return max(found, key=lambda w: w.side * w.place, default=None)
+
+
+def _find_void(placed: _Placed, walls: Sequence[FlatWall], end: End) -> FlatWall | None:
+    """The wall of another cut in which a cut ends, and which is as wide there: the nearest."""
+    low, high = placed.boxes[end.leaf]
+    across = [axis for axis in range(3) if axis != end.axis]
+
+    def holds(leaf: int) -> bool:
+        return all(placed.boxes[leaf][0][a] <= low[a] + placed.slack and high[a] <= placed.boxes[leaf][1][a] + placed.slack for a in across)
+
+    beyond = [w for w in walls if w.leaf != end.leaf and (w.axis, w.side) == (end.axis, end.side)]
+    beyond = [w for w in beyond if w.side * w.place > placed.at(end, w.side) + placed.slack and holds(w.leaf)]
+    return min(beyond, key=lambda w: w.side * w.place, default=None)
 
 
 def _find_base(placed: _Placed, walls: Sequence[FlatWall], foot: End, top: End) -> FlatWall | None:
