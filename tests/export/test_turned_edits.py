@@ -1,6 +1,7 @@
 """Edits by a tenth of what is turned: its walls stay beside each other, bores in their tubes, and cuts from the side in the walls."""
 
 import math
+from functools import partial, reduce
 
 import pytest
 from tests.export.test_collisions import _read
@@ -111,6 +112,33 @@ def test_what_is_stacked_end_on_end_stays_so():
         first, second, third = leaves(edited.program)
         for low, high in ((first, second), (second, third)):
             assert low.center[2] + low.size[1] / 2 - (high.center[2] - high.size[1] / 2) == pytest.approx(0.005), name
+
+
+def test_cones_end_at_the_rims_that_they_end_at_whatever_is_edited():
+    """A hopper of three pieces, whose bores go on in each other."""
+    outer = [Primitive("cylinder", (8.0, 30.0), (0, 0, 15)), Primitive("cone", (8.0, 40.0, 35.0), (0, 0, 47.5))]
+    outer.append(Primitive("cylinder", (40.0, 5.0), (0, 0, 67.5)))
+    inner = [Primitive("cylinder", (6.0, 31.0), (0, 0, 15.5)), Primitive("cone", (6.0, 38.0, 35.0), (0, 0, 48.5))]
+    inner.append(Primitive("cylinder", (38.0, 4.0), (0, 0, 68.0)))
+    program = reduce(partial(Combine, "union"), outer)
+    part = _read(reduce(partial(Combine, "difference"), inner, program))
+    assert sorted(v for name, v in part.values.items() if name.endswith("diameter")) == [12.0, 16.0, 76.0, 80.0]
+    assert not any("cone" in name and name.endswith("diameter") for name in part.values), "the pipes have the diameters"
+    for name, edited in _tenths(part):
+        parts = list(leaves(edited.program))
+        for low, middle, high in (parts[:3], parts[3:]):
+            ends = (middle.center[2] - middle.size[2] / 2, middle.center[2] + middle.size[2] / 2)
+            assert (middle.size[0], middle.size[1]) == pytest.approx((low.size[0], high.size[0])), name
+            assert ends == pytest.approx((low.center[2] + low.size[1] / 2, high.center[2] - high.size[1] / 2)), name
+
+
+def test_a_countersunk_hole_has_one_diameter():
+    plate, hole = Primitive("box", (40.0, 30.0, 4.0)), Primitive("cylinder", (2.1, 6.0))
+    sunk = Primitive("cone", (2.1, 4.3, 2.2), (0.0, 0.0, 0.9))
+    part = _read(Combine("difference", Combine("difference", plate, hole), sunk))
+    assert [name for name, v in part.values.items() if v == pytest.approx(4.2)] == ["hole_diameter"]
+    _, hole, sunk = leaves(change_values(part, {"hole_diameter": 4.0}).program)
+    assert (hole.size[0], sunk.size[0]) == pytest.approx((2.0, 2.0))
 
 
 def test_a_cut_aslant_that_ends_in_the_air_on_both_sides_has_no_depth():

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.planted import box, cut, cylinder, mesh_of, union
+from tests.planted import box, cone, cut, cylinder, mesh_of, union
 
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, circle
@@ -14,6 +14,7 @@ from imdim.reconstruction.plain_program import (
     count_directions,
     count_numbers,
     count_odd_directions,
+    count_shared_rims,
     has_drawings,
     is_hardly_longer,
     is_plainer,
@@ -46,6 +47,14 @@ def test_numbers_say_where_faces_are() -> None:
     assert count_numbers(Primitive("sphere", (0.1,), (0.2, 0.0, 0.0)), -HALF, HALF) == 2
     assert reading_length(PLAIN, -HALF, HALF) == 5 + 4 + 3
     assert reading_length(DRAWN, -HALF, HALF) == 1 + 6 + 3 + 0.5 * 8
+
+
+def test_cones_are_to_be_read_with_the_rims_that_they_end_at() -> None:
+    pipe, flare = cylinder(0.1, 0.2), cone(0.1, 0.3, 0.2, (0.0, 0.0, 0.2))
+    for high, rims in ((cylinder(0.3, 0.2, (0.0, 0.0, 0.4)), 2), (cylinder(0.25, 0.2, (0.0, 0.0, 0.4)), 1)):
+        assert count_shared_rims(union(pipe, flare, high), 1e-6) == rims
+    assert count_shared_rims(cut(union(pipe, cylinder(0.3, 0.2, (0.0, 0.0, 0.4))), flare), 1e-6) == 0, "what cuts does not go on in it"
+    assert count_shared_rims(union(cylinder(0.1, 0.2), cylinder(0.1, 0.2, (0.0, 0.0, 0.2))), 1e-6) == 0
 
 
 def test_tilted_boxes_have_directions_of_their_own() -> None:

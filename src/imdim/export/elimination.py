@@ -30,7 +30,7 @@ from imdim.export.own_directions import find_own_directions
 from imdim.export.reduction import ZERO, Reduced
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.rim_seats import end_in_walls, stand_on_rims
-from imdim.export.round_contacts import bind_plugs, bind_tangents, bind_tubes, find_stacked
+from imdim.export.round_contacts import bind_plugs, bind_tangents, bind_tubes, find_following_rims, find_stacked
 from imdim.export.round_seats import seats_at_rounds
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
 from imdim.export.seen import HAIR, SeenPlanes, find_hidden_ends
@@ -108,7 +108,9 @@ class LinearSystem:
         system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded, sign)
         sources = add_diameters(system, parts, folded)
         system.twins = find_twins(constraints, parts, EXACT * system.length)
-        system.rows += bind_plugs(parts, sources, system.drawn)
+        plugs = list(bind_plugs(parts, sources, system.drawn))
+        system.rows += plugs
+        system.followers |= find_following_rims(system, plugs, parts)
         system.rows += bind_tubes(parts, sources, system.drawn)
         system.rows += bind_tangents(parts, sources, system.drawn)
         whole = program if delivered is None else delivered
@@ -118,7 +120,11 @@ class LinearSystem:
             system.rows += bind_bores(system, program, folded)
         hidden = find_hidden_ends(whole)
         at_walls = list(seats_at_walls(program, system.walls, hidden))
-        found = list(_without_farther(seats(program, hidden), at_walls, parts))
+        stacked = list(find_stacked(program, sources))
+        going_on = {(own.leaf, own.axis, own.side) for own, _ in stacked} & hidden
+        # a bore that goes on in another one has no floor there, and no depth
+        ends = _without_farther(seats(program, hidden), at_walls, parts)
+        found = [seat for seat in ends if not (seat.word and (seat.own.leaf, seat.own.axis, seat.own.side) in going_on)]
         constraints = rest_on_faces(constraints, found, parts)
         others = [c for c in constraints if c.kind not in PATTERNS or _is_slanted(c, numbers)]
         for constraint in (c for c in constraints if c not in others):
@@ -153,7 +159,7 @@ class LinearSystem:
             moves = moves or (own.leaf, own.axis, -own.side) in cut_off or parts[own.leaf].kind == "cone"
             (system.ties if moves else system.reaches).append((sources[own.leaf], row))
             seated.add((own.leaf, own.axis, own.side))
-        for own, other in find_stacked(program, sources):
+        for own, other in stacked:
             if (own.leaf, own.axis, own.side) not in seated:
                 system.ties.append((own.leaf, sum_rows((system.place_of_end(own), 1.0), (system.place_of_end(other), -1.0))))
         # both about their middles, so that neither end of the cut falls behind

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations, product
-from typing import NamedTuple
+from itertools import combinations, permutations, product
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from imdim.program.outline import circle_of
 from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves, longest
 
+if TYPE_CHECKING:
+    from imdim.export.elimination import LinearSystem
+
 HAIR = 1e-3  # of the largest size, by which people let stacked parts overlap
 
 
@@ -34,8 +37,8 @@ class _RingTube(NamedTuple):
 
 
 class _AxialWall(NamedTuple):
-    """A round wall of a leaf about its own axis: its radius, from where to where it runs from the middle of the leaf, and what its radius
-    is the sum of."""
+    """A round wall of a leaf about its own axis, or a rim: its radius, from where to where it runs from the middle of the leaf, and what
+    its radius is the sum of."""
 
     radius: float
     low: float
@@ -44,13 +47,21 @@ class _AxialWall(NamedTuple):
 
 
 def bind_plugs(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mapping[int, Drawn]) -> Iterator[Row]:
-    """Equal radii of cylinders, and of what is `drawn` and turned, that have one wall and meet in it, and equal places along the world's
-    axes across theirs; copies follow their `sources`."""
+    """Equal radii of cylinders, cones, and what is `drawn` and turned, that have one wall, or of cones a rim, and meet in it, and equal
+    places along the world's axes across theirs; copies follow their `sources`."""
     slack = EXACT * longest(parts)
     walls = {i: list(_walls_of(p, sources[i], drawn.get(sources[i], ()))) for i, p in enumerate(parts)}
     for a, along, b, other in _parallel_pairs(parts, sources, walls):
         met = [(one, two) for one in walls[a] for two in walls[b] if _meet((parts[a], one), (parts[b], two), along, other, slack)]
         yield from _bind(a, b, [(one.size, two.size) for one, two in met], along, sources)
+
+
+def find_following_rims(system: LinearSystem, rows: Sequence[Row], parts: Sequence[Primitive]) -> set[int]:
+    """The diameters of rims of cones that follow walls by rows of `bind_plugs`: a countersink ends in its hole, whose diameter that is."""
+    kinds = [{v: parts[v // 6].kind if v < system.extra else "" for v in row} for row in rows]
+    rims = {v for of in kinds if {*of.values()} > {"cone"} for v, kind in of.items() if kind == "cone" and v % 6 < 2}
+    pairs = (pair for row in system.rows if len(row) == 2 for pair in permutations(row))
+    return {w for v, w in pairs if v in rims and w >= system.extra and system.extras[w - system.extra][1].endswith("diameter")}
 
 
 def bind_tubes(parts: Sequence[Primitive], sources: Sequence[int], drawn: Mapping[int, Drawn]) -> Iterator[Row]:
@@ -118,9 +129,13 @@ def _tubes_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_RingTube]
 
 
 def _walls_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_AxialWall]:
-    """Those of a cylinder, or of what is turned, a copy of the leaf `source`."""
+    """That of a cylinder, both rims of a cone, or those of what is turned, a copy of the leaf `source`."""
     if part.kind == "cylinder":
         yield _AxialWall(part.size[0], -part.size[1] / 2, part.size[1] / 2, {6 * source: 1.0})
+    elif part.kind == "cone":
+        for end, side in enumerate((-1, 1)):
+            level = side * part.size[2] / 2
+            yield _AxialWall(part.size[end], level, level, {6 * source + end: 1.0})
     elif part.kind == "revolve" and part.outline is not None:
         for loop, ring in zip(part.outline.loops, drawn, strict=False):
             if not isinstance(loop, Ellipse) and isinstance(ring, tuple):

@@ -17,9 +17,9 @@ from manifold3d import Manifold
 from imdim.baselines import stump_net as stump_nets
 from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
-from imdim.geometry.finish.active_zone import change_with
+from imdim.geometry.finish.active_zone import find_change
 from imdim.geometry.finish.rounded import draw_rounded
-from imdim.geometry.solid import SEGMENTS, to_manifold
+from imdim.geometry.solid import SEGMENTS, primitive_to_manifold, to_manifold
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.rewrite.bores import separate_bores, stack_drawings
@@ -29,6 +29,7 @@ from imdim.program.rewrite.hidden_chords import without_hidden_chords
 from imdim.program.rewrite.rims import separate_rims
 from imdim.program.rewrite.separation import hoist_cuts, separate_holes, separate_loops, straighten
 from imdim.program.rewrite.simplify import reduce_program
+from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.budget import Budget, Stage
 from imdim.reconstruction.config import Settings
@@ -252,26 +253,36 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
     """The same with holes and islands of drawings as features of their own, and boxes for what looks like one from outside."""
     if not has_outlines(drawn.program):
         return None
-    return replace(drawn, program=_lay_bare(drawn.program, drawn.program, run.budget.end_of("search")))
+    return replace(drawn, program=_lay_bare(drawn.program, drawn.program, run))
 
 
-def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
+def _lay_bare(apart: Program, drawn: Program, run: Run) -> Program:
     """A program that was taken `apart` with each loop as a feature, cuts behind the body, and without what is hidden in the solid that is
-    `drawn`: arcs where lines run into round parts, chords of circles, and walls of what looks like a box from outside."""
-    solid = to_manifold(drawn)
+    `drawn`: arcs where lines run into round parts, chords of circles, and walls of what looks like a box from outside. What it has more
+    then may also be the target's."""
+    deadline, solid = run.budget.end_of("search"), to_manifold(drawn)
     hidden = HIDDEN * solid.volume()
+    target = solid if run.seen.solid is None else run.seen.solid
 
-    def may_hide(leaf: Primitive, box: Primitive) -> bool:
-        if deadline.has_passed():
-            return False
-        more = to_manifold(box) - to_manifold(leaf)
-        filled = (more ^ solid).volume()
-        return min(filled, more.volume() - filled) < hidden
+    def fits(leaf: Primitive, wider: Primitive, segments: int) -> bool:
+        more, whole = primitive_to_manifold(wider, segments) - primitive_to_manifold(leaf, segments), to_manifold(drawn, segments)
+        return ((more - whole) - target).volume() < hidden or ((more ^ whole) ^ target).volume() < hidden
+
+    def may_hide(leaf: Primitive, wider: Primitive) -> bool:
+        return not deadline.has_passed() and any(fits(leaf, wider, segments) for segments in FINELY)
+
+    def spoil(program: Program, index: int, larger: Primitive) -> float:
+        adds, least = signs(program)[index] > 0, math.inf
+        for segments in FINELY:
+            if least > hidden and not deadline.has_passed():
+                changed = find_change(program, index, larger, segments)
+                least = (changed - target if adds else changed ^ target).volume() if changed.volume() > hidden else 0.0
+        return least
 
     cut_last = hoist_cuts(separate_holes(apart), _is_free_of(solid, deadline))
-    whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, change_with, hidden)
+    whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, spoil, hidden)
     parted = _tidy_cuts(separate_loops(whole), solid, deadline)
-    return straighten(without_hidden_chords(parted, may_hide, change_with, hidden), may_hide, change_with, hidden)
+    return straighten(without_hidden_chords(parted, may_hide, spoil, hidden), may_hide, spoil, hidden)
 
 
 def _stack_drawings(run: Run, best: MethodStep) -> MethodStep | None:
@@ -286,7 +297,7 @@ def _separate_bores(run: Run, best: MethodStep) -> MethodStep | None:
 
 def _change_drawings(run: Run, best: MethodStep, change: Callable[[Program], Program]) -> MethodStep | None:
     apart = change(best.program)
-    return None if apart == best.program else replace(best, program=_lay_bare(apart, best.program, run.budget.end_of("search")))
+    return None if apart == best.program else replace(best, program=_lay_bare(apart, best.program, run))
 
 
 def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
@@ -303,7 +314,7 @@ def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
         return min(lost, slack) if lost > slack and is_same(apart, program, slack) else lost
 
     parted = separate_rims(apart, misfit, slack, np.asarray(mesh.vertices))
-    return None if parted == apart else replace(best, program=_lay_bare(parted, best.program, deadline))
+    return None if parted == apart else replace(best, program=_lay_bare(parted, best.program, run))
 
 
 def _tidy_cuts(program: Program, solid: Manifold, deadline: Deadline) -> Program:

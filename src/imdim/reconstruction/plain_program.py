@@ -11,11 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Set
-from itertools import pairwise
+from itertools import combinations, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from imdim.geometry.lowering import lower
+from imdim.geometry.solid import exact_rotation
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Outline, arc_center, arc_radius, has_ellipse, line_of, ring_curves
@@ -34,6 +36,7 @@ CLEARLY = 0.95  # times as much to read, copies read once, as walls and bars hav
 FAR_LESS, SLIGHTLY = 0.75, 0.9  # the same where copies are read once, however many they are: of a dozen drawings, and of more
 PER_DIRECTION = 2  # numbers that say how copies go on one way: a count and a step
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
+PER_RIM = 3  # numbers that a cone shares with what it ends at, two of its place and a radius: one corner of a drawing says all
 CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
 AXES_OF = {"box": (0, 1, 2), "extrude": (0, 1, 2), "ellipsoid": (0, 1, 2), "sphere": ()}  # of others the third
 ONE_WAY = 1e-6  # of the cosine between two directions, from which they are two
@@ -129,15 +132,52 @@ def _fewest_primitives(leaf: Primitive, of_copies: int = 3) -> float:
     return max(1, round_walls + -(-_distinct(lines, ONE_NUMBER * extent) // 4))
 
 
+class _Flank(NamedTuple):
+    """The wall of a cone or a cylinder that adds or not: a middle [3] and an axis [3], half of its height, and the radii at both ends."""
+
+    sign: int
+    middle: np.ndarray
+    axis: np.ndarray
+    half: float
+    radii: tuple[float, float]
+
+    def radius(self, height: float) -> float:
+        """So high above the middle."""
+        low, high = self.radii
+        return (low + high) / 2 + (high - low) * height / (2 * self.half)
+
+
+def count_shared_rims(program: Program, tolerance: float) -> int:
+    """How many walls of cones meet, within a tolerance, a wall about their axis of another cone or of a cylinder that adds or cuts as they
+    do: each ends where the other goes on."""
+    both = zip(leaves(program), signs(program), strict=True)
+    round_ones = [(p, sign) for p, sign in both if p.kind in ("cone", "cylinder")]
+    flanks = [_Flank(sign, np.array(p.center), exact_rotation(p)[:, 2], p.size[-1] / 2, (p.size[0], p.size[-2])) for p, sign in round_ones]
+    return sum(_share_rim(a, b, tolerance) for a, b in combinations(flanks, 2))
+
+
+def _share_rim(a: _Flank, b: _Flank, tolerance: float) -> bool:
+    apart = b.middle - a.middle
+    off, way = float(apart @ a.axis), float(b.axis @ a.axis)
+    if a.sign != b.sign or (a.radii[0] == a.radii[1] and b.radii[0] == b.radii[1]):
+        return False
+    if abs(way) < 1 - ONE_WAY or np.abs(apart - off * a.axis).max() > tolerance:
+        return False
+    low, high = max(-a.half, off - b.half), min(a.half, off + b.half)
+    wider = [a.radius(height) - b.radius(math.copysign(1.0, way) * (height - off)) for height in (low, high)]
+    return low <= high + tolerance and (min(map(abs, wider)) <= tolerance or wider[0] * wider[1] < 0)
+
+
 def _distinct(rows: Set[tuple[float, ...]], tolerance: float) -> int:
     return len({tuple(round(v / tolerance) for v in row) for row in rows})
 
 
 def reading_length(program: Program, low: np.ndarray, high: np.ndarray) -> float:
     """How much there is to read in the program of a part that fills a box from `low` [3] to `high` [3], in numbers: its leaves, their
-    numbers and their directions, and the kind of each curve."""
+    numbers and their directions, the kind of each curve, and that cones end at the rims of others."""
     read = count(program).primitives + count_numbers(program, low, high) + count_directions(program)
-    return read + CURVE_KIND * _count_kinds(program)
+    rims = count_shared_rims(program, ONE_NUMBER * float(np.linalg.norm(high - low)))
+    return read + CURVE_KIND * _count_kinds(program) + PER_RIM * rims
 
 
 def length_read_once(program: Program, low: np.ndarray, high: np.ndarray) -> float:
