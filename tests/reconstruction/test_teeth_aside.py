@@ -141,3 +141,12 @@ def test_a_gear_comes_back_with_one_tooth_to_edit():
     assert len(own) == 20
     assert len({leaf.outline for leaf in own}) == 1
     assert len(list(leaves(last.program))) <= 23
+
+
+@pytest.mark.parametrize("tip", [23.0, 22.6])
+def test_a_tooth_begins_within_its_disc_at_a_round_number(tip):
+    straight = ((17.3, -2.0), (tip, -2.0), (tip, 2.0), (17.3, 2.0))
+    (rim,) = set_aside(to_manifold(gear(12, straight))).rims
+    foot = rim.tooth[[0, -1], 0]
+    assert foot.max() < 18.0
+    assert foot == pytest.approx(np.round(2 * foot) / 2, abs=1e-9)

@@ -64,15 +64,19 @@ def _begin_within(rim: ToothedRim, solid: Manifold) -> ToothedRim:
 
 
 def _go_on(rim: ToothedRim, depth: float) -> np.ndarray:
-    """The tooth [c, 2] with flanks that go on straight to a `depth` within the disc: with a corner on the root circle a wall would all but
-    touch another. Flanks that end along that circle get a corner there all the same, from which they go on towards the axis."""
+    """The tooth [c, 2] with flanks that go on straight to about a `depth` within the disc, and end at a round number: with a corner on the
+    root circle a wall would all but touch another. Flanks that end along that circle get a corner there all the same, from which they go on
+    towards the axis."""
     tooth = rim.tooth
     within = -tooth / np.linalg.norm(tooth, axis=1)[:, None] * (1 if rim.outward else -1)
     ends: list[list[np.ndarray]] = []
+    step = 0.5 * 10.0 ** math.floor(math.log10(depth))
     for at, beside in ((0, 1), (-1, -2)):
-        flank = tooth[at] - tooth[beside]
-        steep = float(flank @ within[at]) / float(np.linalg.norm(flank))
-        end = tooth[at] + flank / np.linalg.norm(flank) * depth / max(steep, STEEP)
+        flank = (tooth[at] - tooth[beside]) / np.linalg.norm(tooth[at] - tooth[beside])
+        steep = float(flank @ within[at])
+        end = tooth[at] + flank * depth / max(steep, STEEP)
+        if steep > STEEP:
+            end += flank * (round_to_grid(float(end[0]), step) - end[0]) / flank[0]
         goes_on = steep > STEEP and end[1] * tooth[at, 1] > 0
         ends.append([end] if goes_on else [tooth[at] + depth * within[at], tooth[at]])
     return np.array([*ends[0], *tooth[1:-1], *ends[1][::-1]])
