@@ -37,6 +37,10 @@ def test_a_long_program_leaves_time_for_booleans_that_are_done_again(monkeypatch
     free_s = 30.0 - delivery_time.FILES_S - delivery_time.AGAIN_S - 16 * delivery_time.EACH_S
     beyond = delivery_time.SOLIDS * 0.5 + 36 * delivery_time.LEAF_S - free_s
     assert leave_time_for_files(many, fit_by, end).left() == pytest.approx(30.0 - beyond)
+    monkeypatch.setattr(delivery_time, "time_solid", lambda *_: 0.1)
+    grid = union(*(box(1, 1, 1, (2.0 * i, 0, 0)) for i in range(100)))
+    left = 30.0 - (delivery_time.SOLIDS * 0.1 + 100 * delivery_time.LEAF_S)
+    assert leave_time_for_files(grid, fit_by, end).left() == pytest.approx(left), "of a hundred copies no more is asked"
 
 
 def test_a_search_leaves_time_to_fit_what_is_slow_to_make_but_keeps_half_of_its_own(monkeypatch):

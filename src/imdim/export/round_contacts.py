@@ -133,8 +133,8 @@ def _walls_of(part: Primitive, source: int, drawn: Drawn) -> Iterator[_AxialWall
     if part.kind == "cylinder":
         yield _AxialWall(part.size[0], -part.size[1] / 2, part.size[1] / 2, {6 * source: 1.0})
     elif part.kind == "cone":
-        for end, side in enumerate((-1, 1)):
-            level = side * part.size[2] / 2
+        for end in (end for end in (0, 1) if part.size[end] > 0):
+            level = (end - 0.5) * part.size[2]
             yield _AxialWall(part.size[end], level, level, {6 * source + end: 1.0})
     elif part.kind == "revolve" and part.outline is not None:
         for loop, ring in zip(part.outline.loops, drawn, strict=False):

@@ -23,18 +23,20 @@ FILES_S = 7.0  # for the files of a finished program, STEP among them
 # more for those of a long program, and for each of its primitives beyond a few: OpenCASCADE's booleans of two in four went wrong at once,
 # and were done again one by one
 AGAIN_S, EACH_S, FEW = 6.0, 0.75, 20
+MOST_S = 30.0  # that search and numbers leave for files: a hundred copies of one hole are no hundred primitives to OpenCASCADE
 
 
 def time_to_write(program: Program) -> float:
     """How many seconds the files of a finished program take: OpenCASCADE needs 10 to 20 for the solid of a long one."""
-    return FILES_S + _long_s(program)
+    more = count(program).primitives - FEW
+    return FILES_S + (AGAIN_S + EACH_S * more if more > 0 else 0.0)
 
 
 def leave_time_for_files(program: Program, deadline: Deadline, end: Deadline) -> Deadline:
     """The deadline of work on a mesh's program, earlier where the time from then to the `end` is too short to deliver it, with its STEP."""
     if deadline.at == math.inf:
         return deadline
-    return leave_time_to_deliver(program, deadline, max(end.at - deadline.at - FILES_S - _long_s(program), 0.0))
+    return leave_time_to_deliver(program, deadline, max(end.at - deadline.at - min(time_to_write(program), MOST_S), 0.0))
 
 
 def leave_time_to_fit(program: Program, search_by: Deadline, fit_by: Deadline, end: Deadline) -> Deadline:
@@ -51,8 +53,3 @@ def leave_time_to_deliver(program: Program, deadline: Deadline, allowed_s: float
     has = count(program)
     takes_s = SOLIDS * time_solid(program, deadline.now) + LEAF_S * has.primitives + CURVE_S * has.curves
     return replace(deadline, at=deadline.at - max(takes_s - allowed_s, 0.0))
-
-
-def _long_s(program: Program) -> float:
-    more = count(program).primitives - FEW
-    return AGAIN_S + EACH_S * more if more > 0 else 0.0

@@ -19,7 +19,7 @@ from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
 from imdim.geometry.finish.active_zone import find_change
 from imdim.geometry.finish.rounded import draw_rounded
-from imdim.geometry.solid import SEGMENTS, primitive_to_manifold, to_manifold
+from imdim.geometry.solid import SEGMENTS, to_manifold
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.rewrite.bores import separate_bores, stack_drawings
@@ -264,20 +264,17 @@ def _lay_bare(apart: Program, drawn: Program, run: Run) -> Program:
     hidden = HIDDEN * solid.volume()
     target = solid if run.seen.solid is None else run.seen.solid
 
-    def fits(leaf: Primitive, wider: Primitive, segments: int) -> bool:
-        more, whole = primitive_to_manifold(wider, segments) - primitive_to_manifold(leaf, segments), to_manifold(drawn, segments)
-        return ((more - whole) - target).volume() < hidden or ((more ^ whole) ^ target).volume() < hidden
-
     def may_hide(leaf: Primitive, wider: Primitive) -> bool:
-        return not deadline.has_passed() and any(fits(leaf, wider, segments) for segments in FINELY)
+        if deadline.has_passed():
+            return False
+        more = to_manifold(wider) - to_manifold(leaf)
+        return ((more - solid) - target).volume() < hidden or ((more ^ solid) ^ target).volume() < hidden
 
     def spoil(program: Program, index: int, larger: Primitive) -> float:
-        adds, least = signs(program)[index] > 0, math.inf
-        for segments in FINELY:
-            if least > hidden and not deadline.has_passed():
-                changed = find_change(program, index, larger, segments)
-                least = (changed - target if adds else changed ^ target).volume() if changed.volume() > hidden else 0.0
-        return least
+        changed = find_change(program, index, larger, SEGMENTS)
+        if changed.volume() <= hidden:
+            return 0.0
+        return (changed - target if signs(program)[index] > 0 else changed ^ target).volume()
 
     cut_last = hoist_cuts(separate_holes(apart), _is_free_of(solid, deadline))
     whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, spoil, hidden)
