@@ -5,8 +5,10 @@ import pytest
 import trimesh
 from manifold3d import CrossSection, Manifold
 
+from imdim.detection.chord_corners import onto_corners
 from imdim.detection.faceting import volume_between
 from imdim.detection.mesh_surfaces import detect_patches
+from imdim.geometry.surface import Patch, Surface
 
 
 def to_mesh(solid: Manifold) -> trimesh.Trimesh:
@@ -55,3 +57,13 @@ def test_a_knob_with_grooves_keeps_its_taper():
     (cone,) = [patch.surface for patch in detect_patches(to_mesh(knob)) if patch.surface.kind == "cone"]
     assert cone.sizes[0] == pytest.approx(np.arctan(2 / 16), abs=1e-6)
     assert abs(cone.point[2]) == pytest.approx(144.0, abs=1e-3)
+
+
+def test_the_widest_ring_of_a_fillet_is_no_cylinder():
+    """A mesh's cylinder goes on in the first facets of the fillet at its foot, whose corners lie a hair further out, all at one level."""
+    turns = np.linspace(0, 2 * np.pi, 126, endpoint=False)
+    around = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    levels = [(20.5, -36.0), (20.5, 36.0), (20.499, 0.0), (20.498, 5.0), (20.5193, 37.0)]
+    points = np.concatenate([np.column_stack([radius * around, np.full(len(turns), z)]) for radius, z in levels])
+    found = Patch(Surface("cylinder", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (20.5003,)), points, 8975.0, 1)
+    assert onto_corners(found, 184.0).surface == found.surface

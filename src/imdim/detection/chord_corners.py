@@ -8,6 +8,7 @@ finds them, as trimmed least squares does (Rousseeuw 1984), and says so itself: 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,9 @@ BENT_ONE_WAY = ("sphere", "cylinder", "cone", "ellipsoid", "elliptic")  # all of
 EXACT = 2e-6  # of the diagonal: what single precision leaves of corners that lie on a surface
 INNER = 0.25  # share of the points, the innermost, that each round leaves out
 LEAST_SHARE, LEAST_POINTS = 0.5, 9  # of a patch's points, that must lie on the surface; nine fix an ellipsoid
-ENOUGH = 24  # points, which lie on no surface by chance, whatever their share: nine grooves leave a knob few corners of its own
+# points, which lie on no surface by chance, whatever their share, where they are spread over the patch nearly as far as all are,
+# and are no ring alone, as the widest of a fillet's that a cylinder goes on in: nine grooves leave a knob few corners of its own
+ENOUGH, SPREAD = 24, 0.8
 ROUNDS = 12
 
 
@@ -41,7 +44,8 @@ def onto_corners(patch: Patch, diagonal: float) -> Patch:
         distance = signed_distance(surface, points)
         if np.abs(distance[kept]).max() <= limit:
             on = np.abs(distance) <= limit
-            least = min(max(LEAST_POINTS, LEAST_SHARE * len(points)), ENOUGH)
+            is_spread = (points[on].std(0) >= SPREAD * points.std(0)).all() if on.any() else False
+            least = min(max(LEAST_POINTS, LEAST_SHARE * len(points)), ENOUGH if is_spread else math.inf)
             exact = np.count_nonzero(on) >= least and not (distance > 10 * limit).any()
             return replace(patch, surface=surface) if exact else patch
     return patch

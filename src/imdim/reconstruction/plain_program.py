@@ -37,6 +37,7 @@ FAR_LESS, SLIGHTLY = 0.75, 0.9  # the same where copies are read once, however m
 PER_DIRECTION = 2  # numbers that say how copies go on one way: a count and a step
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
 PER_RIM = 3  # numbers that a cone shares with what it ends at, two of its place and a radius: one corner of a drawing says all
+SHORT = 0.6  # of its larger radius: the height of a cone that is a chamfer or a countersink
 CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
 AXES_OF = {"box": (0, 1, 2), "extrude": (0, 1, 2), "ellipsoid": (0, 1, 2), "sphere": ()}  # of others the third
 ONE_WAY = 1e-6  # of the cosine between two directions, from which they are two
@@ -149,9 +150,9 @@ class _Flank(NamedTuple):
 
 def count_shared_rims(program: Program, tolerance: float) -> int:
     """How many walls of cones meet, within a tolerance, a wall about their axis of another cone or of a cylinder that adds or cuts as they
-    do: each ends where the other goes on."""
+    do: each ends where the other goes on. Chamfers and countersinks, which are short, are read as such."""
     both = zip(leaves(program), signs(program), strict=True)
-    round_ones = [(p, sign) for p, sign in both if p.kind in ("cone", "cylinder")]
+    round_ones = [(p, sign) for p, sign in both if p.kind == "cylinder" or (p.kind == "cone" and p.size[2] > SHORT * max(p.size[:2]))]
     flanks = [_Flank(sign, np.array(p.center), exact_rotation(p)[:, 2], p.size[-1] / 2, (p.size[0], p.size[-2])) for p, sign in round_ones]
     return sum(_share_rim(a, b, tolerance) for a, b in combinations(flanks, 2))
 
