@@ -70,6 +70,7 @@ BEYOND_DOUBT = 0.9  # times the bits, that a description has at most that is cho
 FITS_AS_WELL = 1e-5  # of IoU
 NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
 HIDDEN = 1e-5  # of it, by which solids of two forms of one program may differ
+TAB_CURVES = 8  # of a drawing that may be a box, or circles, by what the target has beyond it: of others too many ways would be asked
 FINELY = (SEGMENTS, 8 * SEGMENTS)  # of a circle, by which forms of one program are compared: arcs that end elsewhere have other corners
 LEFT_OUT = 0.01  # of a body's surface: walls that are in no plane arrangement, from which on the body is drawn layer by layer
 DRAWN_WITHIN = (2e-4, 4e-4, 8e-4, 1.6e-3)  # of the unit frame: how far the corners of layers may lie off their curves
@@ -263,18 +264,28 @@ def _lay_bare(apart: Program, drawn: Program, run: Run) -> Program:
     deadline, solid = run.budget.end_of("search"), to_manifold(drawn)
     hidden = HIDDEN * solid.volume()
     target = solid if run.seen.solid is None else run.seen.solid
+    # what the drawing lacks of the target, and what it has more: no larger change is the target's, and few are asked exactly
+    lacks, has_more = ((target - solid).volume(), (solid - target).volume()) if target is not solid else (0.0, 0.0)
 
     def may_hide(leaf: Primitive, wider: Primitive) -> bool:
         if deadline.has_passed():
             return False
         more = to_manifold(wider) - to_manifold(leaf)
-        return ((more - solid) - target).volume() < hidden or ((more ^ solid) ^ target).volume() < hidden
+        inside = (more ^ solid).volume()
+        outside = more.volume() - inside
+        if min(inside, outside) < hidden or leaf.outline is None or leaf.outline.curve_count > TAB_CURVES:
+            return min(inside, outside) < hidden
+        return (outside < lacks + hidden and ((more - solid) - target).volume() < hidden) or (
+            inside < has_more + hidden and ((more ^ solid) ^ target).volume() < hidden
+        )
 
     def spoil(program: Program, index: int, larger: Primitive) -> float:
-        changed = find_change(program, index, larger, SEGMENTS)
-        if changed.volume() <= hidden:
+        changed, adds = find_change(program, index, larger, SEGMENTS), signs(program)[index] > 0
+        if (volume := changed.volume()) <= hidden:
             return 0.0
-        return (changed - target if signs(program)[index] > 0 else changed ^ target).volume()
+        if volume > (lacks if adds else has_more) + hidden:
+            return volume
+        return (changed - target if adds else changed ^ target).volume()
 
     cut_last = hoist_cuts(separate_holes(apart), _is_free_of(solid, deadline))
     whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, spoil, hidden)
