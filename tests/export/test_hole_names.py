@@ -58,7 +58,6 @@ def test_a_chamfer_of_a_bore_is_called_so():
     names = opened(chamfered).values
     assert {name: value for name, value in names.items() if name.startswith("bore_chamfer")} == {
         "bore_chamfer_diameter": 12.0,
-        "bore_chamfer_narrow_diameter": 10.0,
         "bore_chamfer_depth": 1.0,
     }
 
