@@ -8,6 +8,7 @@ from manifold3d import CrossSection, Manifold
 from imdim.detection.chord_corners import onto_corners
 from imdim.detection.faceting import volume_between
 from imdim.detection.mesh_surfaces import detect_patches
+from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.surface import Patch, Surface
 
 
@@ -59,11 +60,12 @@ def test_a_knob_with_grooves_keeps_its_taper():
     assert abs(cone.point[2]) == pytest.approx(144.0, abs=1e-3)
 
 
-def test_the_widest_ring_of_a_fillet_is_no_cylinder():
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.48, 0.6, 0.64)])
+def test_the_widest_ring_of_a_fillet_is_no_cylinder(axis):
     """A mesh's cylinder goes on in the first facets of the fillet at its foot, whose corners lie a hair further out, all at one level."""
     turns = np.linspace(0, 2 * np.pi, 126, endpoint=False)
     around = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     levels = [(20.5, -36.0), (20.5, 36.0), (20.499, 0.0), (20.498, 5.0), (20.5193, 37.0)]
     points = np.concatenate([np.column_stack([radius * around, np.full(len(turns), z)]) for radius, z in levels])
-    found = Patch(Surface("cylinder", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (20.5003,)), points, 8975.0, 1)
+    found = Patch(Surface("cylinder", (0.0, 0.0, 0.0), axis, (20.5003,)), points @ frame_from_axis(np.array(axis)).T, 8975.0, 1)
     assert onto_corners(found, 184.0).surface == found.surface

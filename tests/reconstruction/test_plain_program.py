@@ -55,6 +55,7 @@ def test_cones_are_to_be_read_with_the_rims_that_they_end_at() -> None:
         assert count_shared_rims(union(pipe, flare, high), 1e-6) == rims
     assert count_shared_rims(cut(union(pipe, cylinder(0.3, 0.2, (0.0, 0.0, 0.4))), flare), 1e-6) == 0, "what cuts does not go on in it"
     assert count_shared_rims(union(cylinder(0.1, 0.2), cylinder(0.1, 0.2, (0.0, 0.0, 0.2))), 1e-6) == 0
+    assert count_shared_rims(union(pipe, cone(0.1, 0.05, 0.05, (0.0, 0.0, 0.125))), 1e-6) == 0, "a chamfer is read as such"
 
 
 def test_tilted_boxes_have_directions_of_their_own() -> None:

@@ -44,8 +44,13 @@ def onto_corners(patch: Patch, diagonal: float) -> Patch:
         distance = signed_distance(surface, points)
         if np.abs(distance[kept]).max() <= limit:
             on = np.abs(distance) <= limit
-            is_spread = (points[on].std(0) >= SPREAD * points.std(0)).all() if on.any() else False
-            least = min(max(LEAST_POINTS, LEAST_SHARE * len(points)), ENOUGH if is_spread else math.inf)
+            least = min(max(LEAST_POINTS, LEAST_SHARE * len(points)), ENOUGH if _are_spread(points, on) else math.inf)
             exact = np.count_nonzero(on) >= least and not (distance > 10 * limit).any()
             return replace(patch, surface=surface) if exact else patch
     return patch
+
+
+def _are_spread(points: np.ndarray, chosen: np.ndarray) -> bool:
+    """Whether those of the points [n, 3] that are `chosen` [n] are spread nearly as far as all, along each of their main directions."""
+    along = (points - points.mean(0)) @ np.linalg.eigh(np.cov(points.T))[1]
+    return bool((along[chosen].std(0) >= SPREAD * along.std(0)).all())

@@ -12,25 +12,20 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from manifold3d import Manifold
 
 from imdim.baselines import stump_net as stump_nets
 from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
-from imdim.geometry.finish.active_zone import find_change
 from imdim.geometry.finish.rounded import draw_rounded
 from imdim.geometry.solid import SEGMENTS, to_manifold
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.rewrite.bores import separate_bores, stack_drawings
 from imdim.program.rewrite.cells import end_cuts_with_the_solid, propose_cells
-from imdim.program.rewrite.hidden_arcs import without_hidden_arcs
-from imdim.program.rewrite.hidden_chords import without_hidden_chords
 from imdim.program.rewrite.rims import separate_rims
-from imdim.program.rewrite.separation import hoist_cuts, separate_holes, separate_loops, straighten
-from imdim.program.rewrite.simplify import reduce_program
-from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.rewrite.separation import separate_loops
+from imdim.program.tree import Program, leaves
+from imdim.reconstruction.bare_features import HIDDEN, lay_bare, tidy_cuts
 from imdim.reconstruction.budget import Budget, Stage
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.delivery_time import leave_time_to_fit
@@ -68,9 +63,6 @@ TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 BEYOND_DOUBT = 0.9  # times the bits, that a description has at most that is chosen: prices are counted in a few hundred designs
 FITS_AS_WELL = 1e-5  # of IoU
-NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
-HIDDEN = 1e-5  # of it, by which solids of two forms of one program may differ
-TAB_CURVES = 8  # of a drawing that may be a box, or circles, by what the target has beyond it: of others too many ways would be asked
 FINELY = (SEGMENTS, 8 * SEGMENTS)  # of a circle, by which forms of one program are compared: arcs that end elsewhere have other corners
 LEFT_OUT = 0.01  # of a body's surface: walls that are in no plane arrangement, from which on the body is drawn layer by layer
 DRAWN_WITHIN = (2e-4, 4e-4, 8e-4, 1.6e-3)  # of the unit frame: how far the corners of layers may lie off their curves
@@ -241,7 +233,7 @@ def _repeat_cells(run: Run, best: MethodStep, is_better: Callable[[Program, Prog
             if not is_same(start, proposal, HIDDEN, FINELY):
                 continue
             solid = to_manifold(start) if solid is None else solid
-            tidied = _tidy_cuts(proposal, solid, deadline)
+            tidied = tidy_cuts(proposal, solid, deadline)
             if is_better(tidied, program):
                 program, found = tidied, True
                 break
@@ -254,43 +246,11 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
     """The same with holes and islands of drawings as features of their own, and boxes for what looks like one from outside."""
     if not has_outlines(drawn.program):
         return None
-    return replace(drawn, program=_lay_bare(drawn.program, drawn.program, run))
+    return replace(drawn, program=_lay_bare(run, drawn.program, drawn.program))
 
 
-def _lay_bare(apart: Program, drawn: Program, run: Run) -> Program:
-    """A program that was taken `apart` with each loop as a feature, cuts behind the body, and without what is hidden in the solid that is
-    `drawn`: arcs where lines run into round parts, chords of circles, and walls of what looks like a box from outside. What it has more
-    then may also be the target's."""
-    deadline, solid = run.budget.end_of("search"), to_manifold(drawn)
-    hidden = HIDDEN * solid.volume()
-    target = solid if run.seen.solid is None else run.seen.solid
-    # what the drawing lacks of the target, and what it has more: no larger change is the target's, and few are asked exactly
-    lacks, has_more = ((target - solid).volume(), (solid - target).volume()) if target is not solid else (0.0, 0.0)
-
-    def may_hide(leaf: Primitive, wider: Primitive) -> bool:
-        if deadline.has_passed():
-            return False
-        more = to_manifold(wider) - to_manifold(leaf)
-        inside = (more ^ solid).volume()
-        outside = more.volume() - inside
-        if min(inside, outside) < hidden or leaf.outline is None or leaf.outline.curve_count > TAB_CURVES:
-            return min(inside, outside) < hidden
-        return (outside < lacks + hidden and ((more - solid) - target).volume() < hidden) or (
-            inside < has_more + hidden and ((more ^ solid) ^ target).volume() < hidden
-        )
-
-    def spoil(program: Program, index: int, larger: Primitive) -> float:
-        changed, adds = find_change(program, index, larger, SEGMENTS), signs(program)[index] > 0
-        if (volume := changed.volume()) <= hidden:
-            return 0.0
-        if volume > (lacks if adds else has_more) + hidden:
-            return volume
-        return (changed - target if adds else changed ^ target).volume()
-
-    cut_last = hoist_cuts(separate_holes(apart), _is_free_of(solid, deadline))
-    whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, spoil, hidden)
-    parted = _tidy_cuts(separate_loops(whole), solid, deadline)
-    return straighten(without_hidden_chords(parted, may_hide, spoil, hidden), may_hide, spoil, hidden)
+def _lay_bare(run: Run, apart: Program, drawn: Program) -> Program:
+    return lay_bare(apart, drawn, run.seen.solid, run.budget.end_of("search"))
 
 
 def _stack_drawings(run: Run, best: MethodStep) -> MethodStep | None:
@@ -305,7 +265,7 @@ def _separate_bores(run: Run, best: MethodStep) -> MethodStep | None:
 
 def _change_drawings(run: Run, best: MethodStep, change: Callable[[Program], Program]) -> MethodStep | None:
     apart = change(best.program)
-    return None if apart == best.program else replace(best, program=_lay_bare(apart, best.program, run))
+    return None if apart == best.program else replace(best, program=_lay_bare(run, apart, best.program))
 
 
 def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
@@ -322,18 +282,7 @@ def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
         return min(lost, slack) if lost > slack and is_same(apart, program, slack) else lost
 
     parted = separate_rims(apart, misfit, slack, np.asarray(mesh.vertices))
-    return None if parted == apart else replace(best, program=_lay_bare(parted, best.program, run))
-
-
-def _tidy_cuts(program: Program, solid: Manifold, deadline: Deadline) -> Program:
-    """A program of a solid with its cuts behind the body."""
-    return reduce_program(hoist_cuts(program, _is_free_of(solid, deadline)), deadline)
-
-
-def _is_free_of(solid: Manifold, deadline: Deadline) -> Callable[[Program], bool]:
-    """Whether a cut takes nothing from a solid; past the `deadline` none is known to."""
-    nothing = NOTHING * solid.volume()
-    return lambda cut: not deadline.has_passed() and (to_manifold(cut) ^ solid).volume() < nothing
+    return None if parted == apart else replace(best, program=_lay_bare(run, parted, best.program))
 
 
 def _search_primitives(run: Run, drawn: MethodStep, best: MethodStep) -> MethodStep | None:

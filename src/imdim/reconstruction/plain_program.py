@@ -133,7 +133,7 @@ def _fewest_primitives(leaf: Primitive, of_copies: int = 3) -> float:
     return max(1, round_walls + -(-_distinct(lines, ONE_NUMBER * extent) // 4))
 
 
-class _Flank(NamedTuple):
+class _RoundSide(NamedTuple):
     """The wall of a cone or a cylinder that adds or not: a middle [3] and an axis [3], half of its height, and the radii at both ends."""
 
     sign: int
@@ -153,11 +153,13 @@ def count_shared_rims(program: Program, tolerance: float) -> int:
     do: each ends where the other goes on. Chamfers and countersinks, which are short, are read as such."""
     both = zip(leaves(program), signs(program), strict=True)
     round_ones = [(p, sign) for p, sign in both if p.kind == "cylinder" or (p.kind == "cone" and p.size[2] > SHORT * max(p.size[:2]))]
-    flanks = [_Flank(sign, np.array(p.center), exact_rotation(p)[:, 2], p.size[-1] / 2, (p.size[0], p.size[-2])) for p, sign in round_ones]
-    return sum(_share_rim(a, b, tolerance) for a, b in combinations(flanks, 2))
+    sides = [
+        _RoundSide(sign, np.array(p.center), exact_rotation(p)[:, 2], p.size[-1] / 2, (p.size[0], p.size[-2])) for p, sign in round_ones
+    ]
+    return sum(_share_rim(a, b, tolerance) for a, b in combinations(sides, 2))
 
 
-def _share_rim(a: _Flank, b: _Flank, tolerance: float) -> bool:
+def _share_rim(a: _RoundSide, b: _RoundSide, tolerance: float) -> bool:
     apart = b.middle - a.middle
     off, way = float(apart @ a.axis), float(b.axis @ a.axis)
     if a.sign != b.sign or (a.radii[0] == a.radii[1] and b.radii[0] == b.radii[1]):

@@ -1,15 +1,12 @@
 """Loops that are features of their own become features, and cuts stand behind the body; the solid stays as it was."""
 
-import math
-
 import pytest
 from tests.planted import box, cut, cylinder
 
-from imdim.geometry.finish.active_zone import change_with
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, circle
-from imdim.program.rewrite.separation import hoist_cuts, separate_loops, straighten
+from imdim.program.rewrite.separation import hoist_cuts, separate_loops
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Combine, Primitive, leaves
 
@@ -90,18 +87,3 @@ def test_a_cut_that_another_part_fills_stays_inside() -> None:
     solid = to_manifold(filled)
     program = hoist_cuts(filled, lambda c: (to_manifold(c) ^ solid).volume() < 1e-7)
     assert program == filled
-
-
-@pytest.mark.parametrize("turn", [0.0, 30.0])
-def test_a_rib_that_leans_on_a_boss_is_a_box(turn: float) -> None:
-    rib = ((3.0, -1.0, 0.0), (6.0, -1.0, 0.0), (6.0, 1.0, 0.0), (3.0, 1.0, -0.2))
-    drawn = Combine("union", cylinder(4.0, 2.0), drawing(rib, height=1.0, rotation=(0.0, 0.0, turn)))
-    program = straighten(drawn, lambda leaf, box: True, change_with, 1e-9)
-    assert kinds(program) == ["cylinder", "box"]
-    assert straighten(drawn, lambda leaf, box: False, change_with, math.inf) == drawn, "asked in vain"
-    assert sorted(list(leaves(program))[1].size) == pytest.approx([1.0, 2.0, 3.0])
-
-
-def test_what_shows_stays_drawn() -> None:
-    drawn = Combine("union", cylinder(4.0, 2.0), drawing(((3.0, -1.0, 0.0), (6.0, -1.0, 0.3), (6.0, 1.0, 0.0), (3.0, 1.0, 0.0))))
-    assert straighten(drawn, lambda leaf, box: True, change_with, 1e-9) == drawn

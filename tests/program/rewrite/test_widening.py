@@ -1,4 +1,4 @@
-"""Segments of circles whose chords do not show are whole circles."""
+"""Drawings whose other walls do not show are boxes, and segments of circles whole circles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tests.planted import cylinder
 
 from imdim.geometry.finish.active_zone import change_with
 from imdim.program.outline import Outline, Ring, circle
-from imdim.program.rewrite.hidden_chords import without_hidden_chords
+from imdim.program.rewrite.widening import list_boxes_around, list_with_circles, widen
 from imdim.program.tree import Combine, Primitive, Program, leaves
 
 RIM = 10.0
@@ -21,7 +21,7 @@ def knob(*loops: Ring) -> Program:
 
 
 def complete(program: Program) -> Program:
-    return without_hidden_chords(program, lambda leaf, wider: True, change_with, 1e-9)
+    return widen(program, list_with_circles, lambda leaf, wider: True, change_with, 1e-9)
 
 
 def test_a_groove_that_opens_at_a_rim_is_a_whole_circle() -> None:
@@ -43,7 +43,7 @@ def test_a_chord_that_shows_stays() -> None:
     flat = knob(tuple((x - 8.0, y, bulge) for x, y, bulge in GROOVE))
     assert complete(flat) == flat, "the flat of a D-shaped hole"
     program = knob(GROOVE)
-    assert without_hidden_chords(program, lambda leaf, wider: False, change_with, math.inf) == program, "asked in vain"
+    assert widen(program, list_with_circles, lambda leaf, wider: False, change_with, math.inf) == program, "asked in vain"
 
 
 def test_what_is_no_segment_stays() -> None:
@@ -51,3 +51,19 @@ def test_what_is_no_segment_stays() -> None:
     slot = knob(((14.0, -2.0, 0.0), (14.0, 2.0, 0.0), (10.0, 2.0, 1.0), (10.0, -2.0, 0.0)))
     for program in (square, slot):
         assert complete(program) == program
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0])
+def test_a_rib_that_leans_on_a_boss_is_a_box(turn: float) -> None:
+    rib = ((3.0, -1.0, 0.0), (6.0, -1.0, 0.0), (6.0, 1.0, 0.0), (3.0, 1.0, -0.2))
+    drawn = Combine("union", cylinder(4.0, 2.0), Primitive("extrude", (1.0,), rotation=(0.0, 0.0, turn), outline=Outline((rib,))))
+    program = widen(drawn, list_boxes_around, lambda leaf, box: True, change_with, 1e-9)
+    assert [leaf.kind for leaf in leaves(program)] == ["cylinder", "box"]
+    assert widen(drawn, list_boxes_around, lambda leaf, box: False, change_with, math.inf) == drawn, "asked in vain"
+    assert sorted(list(leaves(program))[1].size) == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_what_shows_stays_drawn() -> None:
+    bent = ((3.0, -1.0, 0.0), (6.0, -1.0, 0.3), (6.0, 1.0, 0.0), (3.0, 1.0, 0.0))
+    drawn = Combine("union", cylinder(4.0, 2.0), Primitive("extrude", (0.5,), outline=Outline((bent,))))
+    assert widen(drawn, list_boxes_around, lambda leaf, box: True, change_with, 1e-9) == drawn
