@@ -41,8 +41,8 @@ THICKER = {  # by 2: what stands on the plate, or enters it from above, goes up 
 EDITS = {
     "plate thicker": ({"plate_thickness": 10.0}, THICKER),
     "holes further out": ({"m8_hole_spacing": 102.0}, {"[-48,": "[-51,", "[48,": "[51,"}),
-    "larger bore": (
-        {"bore": 22.0, "bore_chamfer_narrow_diameter": 22.0},
+    "larger bore": (  # its chamfer begins at it
+        {"bore": 22.0},
         {"r = 10, h = 44": "r = 11, h = 44", "r1 = 10, r2 = 14, h = 8": "r1 = 11, r2 = 14, h = 8"},
     ),
     "larger nipple": ({"ball_radius": 8.0}, {"sphere(r = 5)": "sphere(r = 8)"}),
