@@ -5,6 +5,7 @@ Rotations and centres are deliberately odd: a closed form does not depend on the
 """
 
 import math
+from collections.abc import Callable
 
 from imdim.program.outline import Loop, Outline, circle, ellipse, rectangle
 from imdim.program.tree import Combine, Primitive, Program, combine_all
@@ -86,6 +87,11 @@ def extrude(h: float, *loops: Loop) -> Primitive:
     return Primitive("extrude", (h,), AWAY, TILT, Outline(loops))
 
 
+def draft(h: float, inset: float, *loops: Loop) -> Primitive:
+    """Whose walls are so much farther in at the top."""
+    return Primitive("drafted", (h, math.degrees(math.atan(inset / h))), AWAY, TILT, Outline(loops))
+
+
 def turn(degrees: float, *loops: Loop) -> Primitive:
     return Primitive("revolve", (degrees,), AWAY, TILT, Outline(loops))
 
@@ -95,16 +101,42 @@ STADIUM: Loop = ((-0.3, -0.2, 0.0), (0.3, -0.2, 1.0), (0.3, 0.2, 0.0), (-0.3, 0.
 NICHE: Loop = (*SQUARE[:2], (0.5, 0.5, -0.5), SQUARE[3])  # its upper side is an arc that bends inward
 HALF_DISC: Loop = ((0.0, -0.5, 1.0), (0.0, 0.5, 0.0))
 (RIM,) = rectangle(0.2, 0.3).shift(0.5, 0.0).loops
+ROUNDED: Loop = (
+    (-0.35, -0.3, 0.0),
+    (0.35, -0.3, math.tan(math.pi / 8)),
+    (0.5, -0.15, 0.0),
+    (0.5, 0.15, math.tan(math.pi / 8)),
+    (0.35, 0.3, 0.0),
+    (-0.35, 0.3, math.tan(math.pi / 8)),
+    (-0.5, 0.15, 0.0),
+    (-0.5, -0.15, math.tan(math.pi / 8)),
+)
+ANGLE: Loop = ((-0.5, -0.5, 0.0), (0.5, -0.5, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.5, 0.0), (-0.5, 0.5, 0.0))
 _NICHE = 0.625**2 * (4 * math.atan(0.5) - math.sin(4 * math.atan(0.5))) / 2
 # of a quarter of a disc of radius 0.6 what lies in a quarter of the square
 _QUARTER_DISC = 0.5 * math.sqrt(0.11) + 0.18 * (math.asin(0.5 / 0.6) - math.asin(math.sqrt(0.11) / 0.6))
 _RIM = 0.5 * 0.06  # area times the middle's distance from the axis
+
+
+def _drafted(h: float, inset: float, area: Callable[[float], float]) -> float:
+    """The volume of a solid whose sections are of an `area` that is a square polynomial of how far in they are (Simpson's rule)."""
+    return h / 6 * (area(0.0) + 4 * area(inset / 2) + area(inset))
+
 
 DRAWN: dict[str, tuple[Program, float]] = {
     "plate with a hole": (extrude(0.4, OBLONG, circle(0.2, 0.1, 0.05)), 0.4 * (0.6 - math.pi * 0.04)),
     "stadium": (extrude(0.7, STADIUM), 0.7 * (0.24 + math.pi * 0.04)),
     "niche": (extrude(0.3, NICHE), 0.3 * (1 - _NICHE)),
     "island": (extrude(0.5, circle(0.5), circle(0.35), circle(0.15)), 0.5 * math.pi * (0.25 - 0.1225 + 0.0225)),
+    "drafted plate with a hole": (
+        draft(0.4, 0.1, ROUNDED, circle(0.06, 0.1, 0.01)),
+        _drafted(0.4, 0.1, lambda i: (1 - 2 * i) * (0.6 - 2 * i) - (4 - math.pi) * (0.15 - i) ** 2 - math.pi * (0.06 + i) ** 2),
+    ),
+    "drafted angle": (draft(0.8, 0.15, ANGLE), _drafted(0.8, 0.15, lambda i: 0.75 - 4 * i + 4 * i * i)),
+    "block with a drafted pocket": (
+        Combine("difference", Primitive("box", (1.4, 1.0, 0.4), AWAY, TILT), draft(0.4, 0.1, OBLONG)),
+        0.56 - _drafted(0.4, 0.1, lambda i: (1 - 2 * i) * (0.6 - 2 * i)),
+    ),
     "turned rim": (turn(360.0, RIM), 2 * math.pi * _RIM),
     "quarter of a rim": (turn(90.0, RIM), math.pi / 2 * _RIM),
     "sliver of a rim": (turn(20.0, RIM), math.pi / 9 * _RIM),

@@ -1,6 +1,7 @@
 """Programs of outlined leaves whose volume is known in closed form, in tilted poses. Import `OUTLINED_PARTS` (name -> program, volume)."""
 
 import math
+from collections.abc import Callable
 
 from imdim.program.outline import Outline, circle, ellipse, rectangle
 from imdim.program.tree import Combine, Primitive, Program, Vec3
@@ -51,6 +52,16 @@ OVAL = Primitive(  # an elliptic plate with an elliptic window, a hole beside it
     Outline((ellipse(30, 18, 2, 1, 20), ellipse(6, 9, 5, 2), circle(3, -14, -4), ellipse(2, 1, 5, 2, -40))),
 )
 HANDLE = Primitive("revolve", (90.0,), (0.0, -60.0, 3.0), (40.0, 10.0, -25.0), Outline((ellipse(4, 6, 14, 1, 10),)))
+DRAFTED = Primitive(  # walls lean in by 1.5 on the way up, the hole gets wider
+    "drafted", (6.0, math.degrees(math.atan(0.25))), AWAY, TILT, Outline((rounded(50, 30, 5), circle(3, -15)))
+)
+LEANING_POCKET = Primitive(  # an L whose walls lean out on the way up, which is upside down
+    "drafted",
+    (4.0, math.degrees(math.atan(0.1))),
+    AWAY,
+    (-160.0, 35.0, -130.0),
+    Outline((((-10, -10, 0.0), (10, -10, 0.0), (10, 0, 0.0), (0, 0, 0.0), (0, 10, 0.0), (-10, 10, 0.0)),)),
+)
 ISLAND = Primitive(  # a hole with an island in it, beside another area
     "extrude", (3.0,), AWAY, TILT, Outline((rectangle(20, 20).loops[0], circle(8), circle(3), circle(2, 20, 4)))
 )
@@ -62,6 +73,14 @@ _SLOT_AREA = 6 * 3 + math.pi * 1.5**2
 _KNOB = math.pi * 64 * 9 + math.pi * 25 * 3 + 2 * math.pi * (9 * math.pi / 4) * (5 + 4 / math.pi)
 _BEND = math.pi / 2 * (8 * math.pi * (12 + 16 / (3 * math.pi)) - math.pi * 1.5**2 * 14)
 
+
+def _prismoid(h: float, inset: float, area: Callable[[float], float]) -> float:
+    """The volume between sections of an `area` that is a square polynomial of how far in they are."""
+    return h / 6 * (area(0.0) + 4 * area(inset / 2) + area(inset))
+
+
+_DRAFTED = _prismoid(6.0, 1.5, lambda i: (50 - 2 * i) * (30 - 2 * i) - (4 - math.pi) * (5 - i) ** 2 - math.pi * (3 + i) ** 2)
+
 OUTLINED_PARTS: dict[str, tuple[Program, float]] = {
     "plate": (PLATE, _PLATE_AREA * 4),
     "knob": (KNOB, _KNOB),
@@ -69,6 +88,11 @@ OUTLINED_PARTS: dict[str, tuple[Program, float]] = {
     "oval": (OVAL, 3 * math.pi * (540 - 54 - 9 + 2)),
     "handle": (HANDLE, math.pi / 2 * 14 * math.pi * 24),
     "island": (ISLAND, 3 * (400 - math.pi * 64 + math.pi * 9 + math.pi * 4)),
+    "drafted": (DRAFTED, _DRAFTED),
+    "leaning pocket": (
+        Combine("difference", Primitive("box", (40.0, 40.0, 4.0), AWAY, (-160.0, 35.0, -130.0)), LEANING_POCKET),
+        6400 - _prismoid(4.0, 0.4, lambda i: 300 - 80 * i + 4 * i * i),
+    ),
     "slotted": (Combine("difference", PLATE, SLOT), (_PLATE_AREA - _SLOT_AREA) * 4),
     "all": (
         Combine("union", Combine("union", Combine("difference", PLATE, SLOT), KNOB), BEND),

@@ -71,5 +71,5 @@ def test_the_script_is_python_with_one_line_per_primitive(name):
     text = to_cadquery(program)
     compile(text, "program.cq.py", "exec")
     lines = text[text.index("part = (") :].splitlines()
-    shapes = r"\W*(cq\.Workplane|make_cone|make_ellipsoid|extruded|turned)\(.*"
+    shapes = r"\W*(cq\.Workplane|make_cone|make_ellipsoid|extruded|turned|drafted)\(.*"
     assert sum(bool(re.fullmatch(shapes, line)) for line in lines) == sum(1 for _ in leaves(program))

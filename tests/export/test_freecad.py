@@ -191,7 +191,7 @@ def test_the_macro_is_python_with_one_call_per_primitive(name):
     text = to_freecad(program)
     compile(text, "program.FCMacro", "exec")
     build = text[text.index("\npart = ") :]
-    assert len(re.findall(r"\b(?:add|extruded|turned)\(", build)) == sum(1 for _ in leaves(program))
+    assert len(re.findall(r"\b(?:add|extruded|turned|drafted)\(", build)) == sum(1 for _ in leaves(program))
 
 
 def test_every_name_has_a_cell_and_a_unit():

@@ -10,10 +10,10 @@ from imdim.geometry.off_surface import LOCAL, measure_distances
 from imdim.geometry.sampling import bounding_radius
 from imdim.geometry.surface_map import map_surface
 from imdim.program.outline import Outline, circle, ellipse, rectangle
-from imdim.program.tree import KINDS, Primitive
+from imdim.program.tree import KINDS, OUTLINED, Primitive
 
 WINDOW = Outline((*rectangle(2.0, 1.4).loops, ellipse(0.4, 0.2, 0.3, 0.1, 30.0), circle(0.2, -0.6, 0.3)))
-RANDOM = [random_drawn(np.random.default_rng(n), kind, 0.05 + 0.9 * n / 20) for kind in ("extrude", "revolve") for n in range(20)]
+RANDOM = [random_drawn(np.random.default_rng(n), kind, 0.05 + 0.9 * n / 20) for kind in OUTLINED for n in range(20)]
 
 
 def test_each_kind_has_its_distance():

@@ -19,6 +19,7 @@ from imdim.geometry.pose import radii
 from imdim.geometry.sampling import even_surface, leaf_surface, surface_points
 from imdim.geometry.solid import primitive_to_manifold
 from imdim.geometry.surface_map import surface_area
+from imdim.program.drafting import shrink
 from imdim.program.ellipse import Ellipse, ellipse_distance, holds_point
 from imdim.program.motions import mirror, move_leaf, turn
 from imdim.program.outline import Outline, circle, flatten_loop, has_ellipse, rectangle
@@ -47,9 +48,23 @@ def surface(leaf: Primitive) -> np.ndarray:
         h = leaf.size[0]
         walls = [np.column_stack([ring, np.full(len(ring), z)]) for z in np.linspace(-h / 2, h / 2, math.ceil(h / STEP))]
         return np.concatenate([*walls, *(np.column_stack([ends, np.full(len(ends), z)]) for z in (-h / 2, h / 2))])
+    if leaf.kind == "drafted":
+        return drafted_surface(leaf, ring, ends)
     angle = math.radians(leaf.size[0])
     walls = [_turned(ring[ring[:, 0] > 0], a) for a in np.linspace(0, angle, math.ceil(angle * right / STEP))]
     return np.concatenate([*walls, *(_turned(ends, a) for a in ((0.0, angle) if leaf.size[0] < 360 else ()))])
+
+
+def drafted_surface(leaf: Primitive, ring: np.ndarray, foot: np.ndarray) -> np.ndarray:
+    """Sections from the foot to the top, of which the last is a face, as the foot is."""
+    assert leaf.outline is not None
+    height, draft = leaf.size
+    insets = np.linspace(0.0, height, math.ceil(height / math.cos(math.radians(draft)) / STEP)) * math.tan(math.radians(draft))
+    sections = [shrink(leaf.outline, inset) for inset in insets.tolist()]
+    rings = [np.concatenate([dense(flatten_loop(loop, 1000)) for loop in section.loops]) for section in sections]
+    walls = [np.column_stack([r, np.full(len(r), z)]) for r, z in zip(rings, np.linspace(-height / 2, height / 2, len(rings)), strict=True)]
+    top = foot[wraps(sections[-1], foot)]
+    return np.concatenate([*walls, *(np.column_stack([end, np.full(len(end), z)]) for end, z in ((foot, -height / 2), (top, height / 2)))])
 
 
 def _turned(flat: np.ndarray, angle: float) -> np.ndarray:
@@ -70,7 +85,9 @@ def test_the_distance_is_that_to_a_finely_sampled_surface(kind):
         points[40:80, 1] = 0.0  # in the plane where turning starts
         found = kernels.program_sdf(leaf, points)
         away = KDTree(surface(leaf)).query(points)[0]
-        np.testing.assert_allclose(np.abs(found), away, atol=STEP, err_msg=str(leaf))
+        # beside slanted edges that of a drafted one is an estimate
+        slack = DRAFTED * away if kind == "drafted" else 0.0
+        assert (np.abs(np.abs(found) - away) <= STEP + slack).all(), leaf
         clear = away > STEP
         assert ((found < 0) == inside_primitive(leaf, points))[clear].all(), leaf
 
@@ -78,6 +95,8 @@ def test_the_distance_is_that_to_a_finely_sampled_surface(kind):
 def placed(kind: str, size: tuple[float, ...], *loops) -> Primitive:
     return Primitive(kind, size, AWAY, TILT, Outline(loops) if loops else None)
 
+
+DRAFTED = 0.3  # of a distance, by which that beside a slanted edge may be off
 
 SAME = [
     (placed("extrude", (0.4,), *rectangle(1.0, 0.7).loops), placed("box", (1.0, 0.7, 0.4))),

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from outlined_samples import random_drawn
+from outlined_samples import random_drafted, random_drawn
 
 from imdim.app import edit
 from imdim.export.openscad_reader import read_openscad
 from imdim.program import codec
-from imdim.program.tree import KINDS, OPS, OUTLINED, SIZE_NAMES, Combine, Primitive, Program, combine_all, fold, leaves
+from imdim.program.tree import KINDS, OPS, OUTLINED, SIZE_NAMES, Combine, Primitive, Program, combine_all, fold, leaves, map_lengths
 from imdim.reconstruction.config import ConfigError, from_arguments
 from imdim.target.archives import ArchiveError, read_array
 from imdim.target.pcd import _lzf
@@ -43,7 +43,11 @@ def primitives(draw) -> Primitive:
 
 @st.composite
 def drawn_leaves(draw, kind: str) -> Primitive:
-    """An extruded or turned outline at any scale; a turned one comes round by a share of a turn."""
+    """A drawn outline at any scale; a turned one comes round by a share of a turn, and a drafted one is as high as it bears."""
+    if kind == "drafted":
+        leaf = random_drafted(np.random.default_rng(draw(st.integers(0, 2**32))), draw(st.floats(0.01, 1.0)), rotation=draw(VECTOR))
+        scale = draw(st.floats(min_value=1e-100, max_value=1e100))
+        return map_lengths(leaf, lambda length: length * scale, draw(VECTOR))
     size = draw(SIZE if kind == "extrude" else st.floats(min_value=1e-9, max_value=1.0))
     leaf, scale = random_drawn(np.random.default_rng(draw(st.integers(0, 2**32))), kind, size, draw(VECTOR), draw(VECTOR)), draw(SIZE)
     assert leaf.outline is not None

@@ -23,12 +23,14 @@ SIZES = {
     "sphere": (0.6,),
     "extrude": (0.5,),
     "revolve": (250.0,),
+    "drafted": (0.5, 4.0),
 }
 OUTLINE = Outline((((0.1, -0.4, 0.0), (0.5, -0.2, 0.3), (0.3, 0.4, 0.0)),))
+LINES = Outline((((0.1, -0.4, 0.0), (0.5, -0.2, 0.0), (0.3, 0.4, 0.0)),))  # an arc that meets another curve in a corner has no draft
 
 
 def sized(kind: str, *pose: Vec3) -> Primitive:
-    return Primitive(kind, SIZES[kind], *pose, **({"outline": OUTLINE} if kind in OUTLINED else {}))
+    return Primitive(kind, SIZES[kind], *pose, **({"outline": LINES if kind == "drafted" else OUTLINE} if kind in OUTLINED else {}))
 
 
 POINTS = np.random.default_rng(0).uniform(-1, 1, (300, 3))

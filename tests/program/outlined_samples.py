@@ -35,11 +35,37 @@ def random_outline(rng: np.random.Generator, x: float = 0.0) -> Outline:
 
 
 def random_drawn(rng: np.random.Generator, kind: str, size: float, center: Vec3 = ORIGIN, rotation: Vec3 = ORIGIN) -> Primitive:
-    """An extrusion as high as `size`, or an outline turned by `size` of a whole turn; a third of those come all round."""
+    """An extrusion as high as `size`, with walls that lean or upright ones, or an outline turned by `size` of a whole turn; a third of
+    those come all round."""
     if kind == "extrude":
         return Primitive(kind, (size,), center, rotation, random_outline(rng))
+    if kind == "drafted":
+        return random_drafted(rng, size, center, rotation)
     angle = 360.0 if rng.random() < 1 / 3 else 360.0 * size
     return Primitive(kind, (angle,), center, rotation, random_outline(rng, 0.6) if rng.random() < 0.5 else on_axis(rng))
+
+
+def random_drafted(rng: np.random.Generator, height: float, center: Vec3 = ORIGIN, rotation: Vec3 = ORIGIN) -> Primitive:
+    """A star of lines or a rounded rectangle, sometimes with a round hole, whose walls lean as far as they may."""
+    star = tuple((x, y, 0.0) for x, y, _ in random_loop(rng, 0.0, 0.0, 0.6))  # type: ignore[misc]
+    loops: list[Loop] = (
+        [rounded_rectangle(*rng.uniform(0.6, 1.0, 2).tolist(), float(rng.uniform(0.1, 0.25)))] if rng.random() < 0.5 else [star]
+    )
+    if rng.random() < 0.6:
+        loops.append(circle(0.05, 0.01, -0.01))
+    for inset in (0.08, 0.04, 0.02, 0.01, 0.005, 0.002):
+        try:
+            return Primitive("drafted", (height, math.degrees(math.atan(inset / height))), center, rotation, Outline(tuple(loops)))
+        except ValueError:
+            continue
+    raise AssertionError("walls that hardly lean meet")
+
+
+def rounded_rectangle(width: float, height: float, radius: float) -> Loop:
+    """About the origin, counter-clockwise."""
+    x, y, a, b, quarter = width / 2, height / 2, width / 2 - radius, height / 2 - radius, math.tan(math.pi / 8)
+    ends = [(-a, -y), (a, -y), (x, -b), (x, b), (a, y), (-a, y), (-x, b), (-x, -b)]
+    return tuple((u, v, quarter if i % 2 else 0.0) for i, (u, v) in enumerate(ends))
 
 
 def on_axis(rng: np.random.Generator) -> Outline:

@@ -6,6 +6,8 @@ import numpy as np
 from outlined_samples import random_drawn, wraps
 
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.drafting import shrink
+from imdim.program.outline import flatten_loop
 from imdim.program.tree import OPS, OUTLINED, SIMPLE, SIZE_NAMES, Combine, Op, Primitive, Program, fold
 
 SIGNED: tuple[Op, ...] = ("union", "difference")
@@ -18,7 +20,7 @@ def random_primitive(rng: np.random.Generator, kinds: Sequence[str] = SIMPLE) ->
         size = (max(size), 0.5 * min(size))
     x, y, z, rx, ry, rz = (float(v) for v in (*rng.uniform(-0.5, 0.5, 3), *rng.uniform(-180, 180, 3)))
     if kind in OUTLINED:
-        return random_drawn(rng, kind, *size, (x, y, z), (rx, ry, rz))
+        return random_drawn(rng, kind, size[0], (x, y, z), (rx, ry, rz))
     return Primitive(kind, size, (x, y, z), (rx, ry, rz))
 
 
@@ -58,9 +60,26 @@ def inside_primitive(p: Primitive, points: np.ndarray) -> np.ndarray:
         return (rho - p.size[0]) ** 2 + z * z < p.size[1] ** 2
     if p.outline is not None and p.kind == "extrude":
         return wraps(p.outline, np.column_stack([x, y])) & (abs(z) < p.size[0] / 2)
+    if p.outline is not None and p.kind == "drafted":
+        return inside_drafted(p, x, y, z)
     if p.outline is not None:
         return wraps(p.outline, np.column_stack([rho, z])) & (np.degrees(np.arctan2(y, x)) % 360 <= p.size[0])
     return (x / p.size[0]) ** 2 + (y / p.size[1]) ** 2 + (z / p.size[2]) ** 2 < 1
+
+
+def inside_drafted(p: Primitive, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """By the corners of the section at the height of each point, between those of the foot and of the top."""
+    assert p.outline is not None
+    height, share = p.size[0], z / p.size[0] + 0.5
+    top = shrink(p.outline, height * np.tan(np.radians(p.size[1])))
+    odd = np.zeros(len(x), bool)
+    for below, above in zip(p.outline.loops, top.loops, strict=True):
+        ends = [np.array(flatten_loop(loop, 960)) for loop in (below, above)]
+        corners = ends[0] + share[:, None, None] * (ends[1] - ends[0])
+        for (px, py), (qx, qy) in zip(corners.transpose(1, 2, 0), np.roll(corners, -1, axis=1).transpose(1, 2, 0), strict=True):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                odd ^= ((py > y) != (qy > y)) & (x < px + (y - py) * (qx - px) / (qy - py))
+    return odd & (abs(z) < height / 2)
 
 
 def inside(program: Program, points: np.ndarray) -> np.ndarray:

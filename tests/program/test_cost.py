@@ -18,7 +18,17 @@ PLATE = Primitive("extrude", (1.0,), outline=Outline((ROUNDED, SLOT, circle(0.5,
 def test_counts_by_kind_and_operation():
     program = Combine("difference", Combine("union", CUBE, BALL), Combine("union", BALL, BALL))
     counts = count(program)
-    assert counts.kinds == {"box": 1, "sphere": 3, "cylinder": 0, "cone": 0, "torus": 0, "ellipsoid": 0, "extrude": 0, "revolve": 0}
+    assert counts.kinds == {
+        "box": 1,
+        "sphere": 3,
+        "cylinder": 0,
+        "cone": 0,
+        "torus": 0,
+        "ellipsoid": 0,
+        "extrude": 0,
+        "revolve": 0,
+        "drafted": 0,
+    }
     assert counts.ops == {"union": 2, "intersection": 0, "difference": 1}
     assert (counts.primitives, counts.operations, cost(program)) == (4, 3, 7)
 

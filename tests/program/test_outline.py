@@ -233,13 +233,13 @@ def test_an_envelope_holds_and_lengths_scale():
         assert leaf.outline is not None
         (left, low), (right, high) = leaf.outline.bounds
         held_by = envelope(leaf)
-        half = held_by.size[0] / 2 if kind == "extrude" else held_by.size[0]
+        half = held_by.size[0] if kind == "revolve" else held_by.size[0] / 2
         assert half >= max(abs(left), abs(right)) - 1e-12
         assert held_by.size[1] / 2 >= max(abs(low), abs(high)) - 1e-12
         twice = map_lengths(leaf, lambda v: 2 * v, (0.0, 0.0, 0.0))
         assert twice.outline is not None
         assert twice.outline.area == pytest.approx(4 * leaf.outline.area)
-        assert twice.size == (leaf.size if kind == "revolve" else (2 * leaf.size[0],))
+        assert twice.size == (leaf.size if kind == "revolve" else (2 * leaf.size[0], *leaf.size[1:]))
 
 
 @pytest.mark.parametrize("kind", OUTLINED)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from tests.planted import box, cone, cut, cylinder, mesh_of, union
 
+from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, circle
+from imdim.program.rewrite.separation import separate_loops
 from imdim.program.tree import Primitive, Program, combine_all
 from imdim.reconstruction.observation import Observation, UnitBody, observe
 from imdim.reconstruction.plain_program import (
@@ -47,6 +49,15 @@ def test_numbers_say_where_faces_are() -> None:
     assert count_numbers(Primitive("sphere", (0.1,), (0.2, 0.0, 0.0)), -HALF, HALF) == 2
     assert reading_length(PLAIN, -HALF, HALF) == 5 + 4 + 3
     assert reading_length(DRAWN, -HALF, HALF) == 1 + 6 + 3 + 0.5 * 8
+
+
+def test_of_walls_that_lean_the_outline_counts_and_the_angle_once() -> None:
+    """Two bosses of one drawing have as many numbers as two drawings: their level, four edges along x, one along y, and the draft."""
+    loops = [((x - 0.1, -0.2, 0.0), (x + 0.1, -0.2, 0.0), (x + 0.1, 0.2, 0.0), (x - 0.1, 0.2, 0.0)) for x in (-0.15, 0.25)]
+    one = Primitive("drafted", (0.06, 7.0), outline=Outline(tuple(loops)))
+    two = separate_loops(one)
+    assert count(two).primitives == 2
+    assert count_numbers(one, -HALF, HALF) == count_numbers(two, -HALF, HALF) == 7
 
 
 def test_cones_are_to_be_read_with_the_rims_that_they_end_at() -> None:

@@ -99,7 +99,12 @@ def compile_second_half() -> None:
     from imdim.search.outline_kernels import Graph, find_region
 
     none, pairs = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
-    find_region(Graph(np.zeros(1, np.int64), np.zeros(0, np.bool_), none, pairs, pairs, np.zeros(0), none, none), np.zeros(1), 0.0, False)
+    find_region(
+        Graph(np.zeros(1, np.int64), np.zeros(0, np.bool_), none, pairs, pairs, np.zeros(0), none, none, np.zeros(0, np.int8)),
+        np.zeros(1),
+        0.0,
+        False,
+    )
     part, target, words = _small_part(), _small_target(), np.ones((1, 1), np.uint64)
     points, volumes = target.points[:64], np.ones(64)
     kernels.inside(part, points)

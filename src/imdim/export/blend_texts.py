@@ -18,8 +18,8 @@ from imdim.export.numbers import Expression, Rounding, weighted_sum, write_expre
 from imdim.export.parameters import Parameters
 from imdim.program.edges import EdgeFeature, Face, name_edges, wall_curve
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import arc_middle, ring_curves
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.outline import arc_middle, loop_area, ring_curves
+from imdim.program.tree import ACROSS, SIZE_NAMES, Primitive, Program, leaves
 
 FACES = '''def as_placed(point, center, turn):
     """A point as a primitive has it that was turned by degrees about x, y and z, and then moved."""
@@ -66,13 +66,27 @@ WALLS = '''def off_curve(point, start, *others):
     return abs(abs(at - center) - abs(start - center))
 
 
-def wall_face(center, loop, number, height=None, turn=(0, 0, 0)):
-    """How far points are from a curve of a loop, extruded to a height or, without one, turned about z."""
+def moved_in(start, *others, by):
+    """A line or an arc, moved to its left by so much."""
+    start, *middle, end = (complex(*p) for p in (start, *others))
+    chord = end - start
+    if not middle:
+        step = 1j * chord / abs(chord) * by
+        return [(p.real, p.imag) for p in (start + step, end + step)]
+    bend = (middle[0] - start) / chord
+    center = start + chord * complex(1 / 2, (abs(bend) ** 2 - bend.real) / (2 * bend.imag))
+    share = 1 - by / abs(start - center) * (1 if bend.imag < 0 else -1)
+    return [(p.real, p.imag) for p in (center + (p - center) * share for p in (start, *middle, end))]
+
+
+def wall_face(center, loop, number, height=None, turn=(0, 0, 0), draft=0):
+    """How far points are from a curve of a loop, extruded to a height or, without one, turned about z; extruded walls may lean inward."""
     curve = list(curves(loop))[number]
 
     def distance(point):
         x, y, z = as_placed(point, center, turn)
-        off = off_curve((hypot(x, y), z) if height is None else (x, y), *curve)
+        drawn = moved_in(*curve, by=(z + height / 2) * tan(radians(draft))) if draft else curve
+        off = off_curve((hypot(x, y), z) if height is None else (x, y), *drawn)
         return off if height is None else max(off, abs(z) - height / 2)
 
     return distance
@@ -234,7 +248,8 @@ class _Faces:
         if name[0] in "+-":
             axis = "xyz".index(name[1])
             half = Fraction(1, 2)
-            level = weighted_sum((sizes[axis] if leaf.kind == "box" else sizes[-1], half if name[0] == "+" else -half))
+            # of a drafted outline the height comes before the angle
+            level = weighted_sum((sizes[{"box": axis, "drafted": 0}.get(leaf.kind, -1)], half if name[0] == "+" else -half))
             reach = [f"reach=({', '.join(self._length(weighted_sum((size, half))) for size in sizes)})"] if leaf.kind == "box" else []
             return _call("flat_face", center, f'"{name[1]}"', self._length(level), *reach, *turn)
         if name == "side":
@@ -242,10 +257,20 @@ class _Faces:
             return _call("round_face", center, *(written if leaf.kind == "cone" else written[:1]), *turn)
         loops = write_loops(leaf, self._named.outlines[number], self._rounding)
         found = [self._curve(leaf, number, face) for face in faces]
-        height = [f"height={write_sizes(leaf, sizes, self._rounding)[0]}"] if leaf.kind == "extrude" else []
+        written = dict(zip(SIZE_NAMES[leaf.kind], write_sizes(leaf, sizes, self._rounding), strict=True))
+        height = [f"height={written['h']}"] if leaf.kind in ACROSS else []
+        if leaf.kind == "drafted":
+            height.append(f"draft={self._draft(leaf, number, found[0][0], written['draft'])}")
         self.loops[loops[found[0][0]]] = None
         wall = "wall_face" if len(found) == 1 else "*wall_faces"
         return _call(wall, center, loops[found[0][0]], *(str(k) for _, k in found), *height, *turn)
+
+    def _draft(self, leaf: Primitive, number: int, loop: int, angle: str) -> str:
+        """How far to the left of its curves the walls of a loop lean. A regular polygon is written counter-clockwise, also as a hole."""
+        assert leaf.outline is not None
+        drawn = self._named.outlines[number]
+        is_polygon = len(drawn) == len(leaf.outline.loops) and isinstance(drawn[loop], DrawnPolygon)
+        return f"-({angle})" if is_polygon and loop_area(leaf.outline.loops[loop]) < 0 else angle
 
     def _length(self, e: Expression) -> str:
         return write_expression(e, self._rounding.length)

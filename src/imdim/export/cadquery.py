@@ -27,6 +27,7 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
     "torus": lambda major, minor: f"cq.Workplane(cq.Solid.makeTorus({major}, {minor}))",
     "ellipsoid": lambda x, y, z: f"make_ellipsoid({x}, {y}, {z})",
     "extrude": lambda h, *areas: f"extruded({', '.join([h, *areas])})",
+    "drafted": lambda h, draft, *areas: f"drafted({', '.join([h, draft, *areas])})",
     "revolve": lambda angle, *areas: f"turned({', '.join([angle, *areas])})",
 }
 
@@ -140,6 +141,21 @@ _OUTLINES = {
 def extruded(height, *areas):
     """Areas, each an outer loop and its holes, from -height / 2 to height / 2 along z."""
     return reduce(add, [draw("XY", area).extrude(height).translate((0, 0, -height / 2)) for area in areas])
+
+
+''',
+    "drafted": '''
+def drafted(height, draft, *areas):
+    """Areas from -height / 2 to height / 2 along z, at the foot as they are drawn; walls lean inward by the draft on the way up."""
+
+    def lean(loop, inset):
+        foot = draw("XY", [loop]).wires().val()
+        (top,) = foot.offset2D(-inset, "intersection")
+        ends = [wire.translate(cq.Vector(0, 0, z)) for wire, z in ((foot, -height / 2), (top, height / 2))]
+        return cq.Workplane(cq.Solid.makeLoft(ends, ruled=True))
+
+    inset = height * tan(radians(draft))
+    return reduce(add, [reduce(sub, [lean(outer, inset), *(lean(hole, -inset) for hole in holes)]) for outer, *holes in areas])
 
 
 ''',

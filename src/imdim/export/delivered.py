@@ -40,6 +40,7 @@ _MEANING: Mapping[str, str] = {
     "r": "radius",
     "h": "height",
     "angle": "degrees of the turn",
+    "draft": "degrees that the walls lean inward",
     "r_bottom": "radius at the bottom",
     "r_top": "radius at the top",
     "r_major": "radius of the ring",

@@ -24,7 +24,7 @@ from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.edges import EdgeFeature
 from imdim.program.nary import fold_nary
 from imdim.program.outline import has_ellipse
-from imdim.program.tree import Op, Primitive, Program, leaves
+from imdim.program.tree import ANGLES, SIZE_NAMES, Op, Primitive, Program, leaves
 
 MOST_DRIVEN = 100  # curves of a loop that has constraints: FreeCAD's solver takes seconds for more
 LENGTH, ANGLE = " mm", " deg"
@@ -46,6 +46,7 @@ _KINDS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "torus": ("Torus", ("Radius1", "Radius2")),
     "ellipsoid": ("Ellipsoid", ("Radius2", "Radius3", "Radius1")),  # whose first radius lies along z
 }
+_SWEEPS = {"extrude": "extruded", "revolve": "turned", "drafted": "drafted"}
 
 
 def to_freecad(program: Program, parameters: Parameters | None = None, edges: Sequence[EdgeFeature] = ()) -> str:
@@ -89,7 +90,8 @@ def _helpers(program: Program, lines: Sequence[str], blends: BlendTexts) -> list
         found += [texts.POLYGON] if "polygon(" in used or "across_flats(" in used else []
         found += [texts.ACROSS_FLATS] if "across_flats(" in used else []
         found += [texts.ELLIPSE] if any(has_ellipse(leaf.outline) for leaf in outlined if leaf.outline) else []
-        found += [text for kind, text in (("extrude", texts.EXTRUDED), ("revolve", texts.TURNED)) if any(p.kind == kind for p in outlined)]
+        sweeps = ("extrude", texts.EXTRUDED), ("revolve", texts.TURNED), ("drafted", texts.DRAFTED)
+        found += [text for kind, text in sweeps if any(p.kind == kind for p in outlined)]
     found += [RINGS] if blends.has_walls and blends.calls else []
     return [text.rstrip("\n") + "\n\n" for text in found]
 
@@ -112,7 +114,7 @@ class _Macro:
 
     def leaf(self, number: int, leaf: Primitive) -> list[str]:
         """The call that makes a leaf; above it what it is, and each loop of an outline on a line of its own."""
-        sizes = [self._size(leaf, size) for size in self._named.sizes[number]]
+        sizes = [self._size(name, size) for name, size in zip(SIZE_NAMES[leaf.kind], self._named.sizes[number], strict=True)]
         notes, label = write_notes(self._named.notes, number, "#"), _quote(self._label[number])
         place = self._place(number, leaf)
         if leaf.outline is None:
@@ -122,12 +124,12 @@ class _Macro:
             written = [f"{word}={size}" for word, size in zip(words, sizes, strict=True)]
             return [*notes, f"add({', '.join([_quote(kind), label, *place, *written])})"]
         loops = [self._loop(drawn) for _, drawn in pair_loops(leaf, self._named.outlines[number], self._rounding)]
-        word = "extruded" if leaf.kind == "extrude" else "turned"
-        return [*notes, f"{word}({label}, {sizes[0]},", *(f"    {loop}," for loop in loops), *(f"    {p}," for p in place), ")"]
+        head = f"{_SWEEPS[leaf.kind]}({', '.join([label, *sizes])},"
+        return [*notes, head, *(f"    {loop}," for loop in loops), *(f"    {p}," for p in place), ")"]
 
-    def _size(self, leaf: Primitive, size: Expression) -> str:
+    def _size(self, name: str, size: Expression) -> str:
         rounded = self._rounding.constant_of if size.terms else self._rounding.size_of
-        return _sum(size, partial(rounded, leaf.kind), ANGLE if leaf.kind == "revolve" else LENGTH)
+        return _sum(size, partial(rounded, name), ANGLE if name in ANGLES else LENGTH)
 
     def _place(self, number: int, leaf: Primitive) -> list[str]:
         """Where FreeCAD's origin of a primitive is, and how that is turned; nothing for what is so already."""

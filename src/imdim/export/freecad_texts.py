@@ -206,6 +206,19 @@ EXTRUDED = '''def extruded(label, height, *loops, **place):
 
 '''
 
+DRAFTED = '''def drafted(label, height, draft, *loops, **place):
+    """Loops from -height / 2 to height / 2 along z, at the foot as they are drawn; walls lean inward by an angle on the way up."""
+    source = area(label, loops)
+    source.Placement = App.Placement(App.Vector(0, 0, -read_number(height) / 2), App.Rotation())
+    if isinstance(height, str):
+        put(source, "Placement.Base.z", f"-({height}) / 2")
+    inward = f"-({draft})" if isinstance(draft, str) else -draft
+    upwards = {"DirMode": "Custom", "Dir": App.Vector(0, 0, 1), "LengthFwd": height, "TaperAngle": inward}
+    return add("Extrusion", label, Base=source, **upwards, Solid=True, FaceMakerClass=FACE_MAKER, **place)
+
+
+'''
+
 TURNED = '''def turned(label, angle, *loops, **place):
     """Loops in the plane of x and z, turned about z."""
     source = area(label, loops)

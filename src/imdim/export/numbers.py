@@ -14,7 +14,7 @@ from functools import partial
 
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Loop, Outline, Point, Ring, Vertex, arc_center, arc_radius, circle_of, ellipse, ring_curves
-from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
+from imdim.program.tree import ANGLES, SIZE_NAMES, Primitive, Program, leaves, longest, map_leaves
 
 SIGNIFICANT_DIGITS = 9
 LARGEST_PART = 12  # a fraction with a larger denominator is none that a person would write
@@ -48,13 +48,13 @@ class Rounding:
         """Degrees, rounded."""
         return plain(round(degrees, SIGNIFICANT_DIGITS))
 
-    def size_of(self, kind: str, value: float) -> str:
-        """A size of a primitive: degrees for a turned outline, else a length."""
-        return plain(round(value, SIGNIFICANT_DIGITS) or value) if kind == "revolve" else self.size(value)
+    def size_of(self, name: str, value: float) -> str:
+        """A size of a primitive by its name: degrees, or a length."""
+        return plain(round(value, SIGNIFICANT_DIGITS) or value) if name in ANGLES else self.size(value)
 
-    def constant_of(self, kind: str, value: float) -> str:
+    def constant_of(self, name: str, value: float) -> str:
         """The constant of a sum that is a size of a primitive."""
-        return self.angle(value) if kind == "revolve" else self.length(value)
+        return self.angle(value) if name in ANGLES else self.length(value)
 
     def outline(self, outline: Outline) -> Outline:
         """The outline with rounded vertices, without the curves that are too short for that; as it is where none would be left.
@@ -100,12 +100,18 @@ class Rounding:
 
     def primitive(self, leaf: Primitive) -> Primitive:
         """The primitive that the rounded texts describe."""
-        size = tuple(float(self.size_of(leaf.kind, s)) for s in leaf.size)
+        size = tuple(float(self.size_of(name, s)) for name, s in zip(SIZE_NAMES[leaf.kind], leaf.size, strict=True))
         (cx, cy, cz), (rx, ry, rz) = map(self.length, leaf.center), map(self.angle, leaf.rotation)
         outline = leaf.outline and self.outline(leaf.outline)
         if outline and leaf.kind == "revolve" and outline.bounds[0][0] < 0:
             outline = leaf.outline  # an arc that touches the axis would cross it
-        return Primitive(leaf.kind, size, (float(cx), float(cy), float(cz)), (float(rx), float(ry), float(rz)), outline)
+        place = (float(cx), float(cy), float(cz)), (float(rx), float(ry), float(rz))
+        try:
+            return Primitive(leaf.kind, size, *place, outline)
+        except ValueError:
+            if leaf.kind != "drafted":
+                raise
+            return Primitive(leaf.kind, size, *place, leaf.outline)  # what touched does so no more to these digits
 
 
 def _project(place: Point, circles: Sequence[tuple[Point, float]]) -> Point:
@@ -206,7 +212,8 @@ def write_moves(moves: Sequence[tuple[str, Sequence[Expression]]], number: Calla
 
 def write_sizes(leaf: Primitive, sizes: Sequence[Expression], rounding: Rounding) -> list[str]:
     """The sizes of a leaf. A bare number is a size, which never vanishes; the constant of a sum may."""
-    return [write_expression(s, partial(rounding.constant_of if s.terms else rounding.size_of, leaf.kind)) for s in sizes]
+    named = zip(SIZE_NAMES[leaf.kind], sizes, strict=True)
+    return [write_expression(s, partial(rounding.constant_of if s.terms else rounding.size_of, name)) for name, s in named]
 
 
 def _term(term: Term, circled: bool) -> str:

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from imdim.export.customizer import customizer_head
-from imdim.export.drawing import write_loops
+from imdim.export.drawing import write_loops, write_regions
 from imdim.export.edge_text import DrawnEdges
 from imdim.export.feature_notes import write_notes
 from imdim.export.loops import Loop, less
@@ -89,6 +89,41 @@ function ellipse(rx, ry, x = 0, y = 0, angle = 0) =
   [for (k = [0 : $fn - 1]) [x, y] + turned([rx * cos(360 * k / $fn), ry * sin(360 * k / $fn)], angle)];
 """
 
+# after the module above, where walls lean
+DRAFTED = """\
+// Areas, each an outer loop and its holes, from -height / 2 to height / 2. They are drawn at the foot, and all walls lean inward by the
+// draft on the way up, the facets of arcs about their centres; what cuts a hole sticks out at both ends.
+module drafted(height, draft, areas) {
+  for (area = areas) difference() {
+    leaning(counter_clockwise(outline_points(area[0])), -height / 2, height / 2, height / 2, draft);
+    for (k = [1 : 1 : len(area) - 1])
+      leaning(counter_clockwise(outline_points(area[k])), -height * 0.51, height * 0.51, height / 2, -draft);
+  }
+}
+module leaning(points, low, high, half, draft) {
+  n = len(points);
+  ends = [for (z = [low, high]) [for (i = [0 : n - 1]) moved_in(points, i, (z + half) * tan(draft))]];
+  middle = (corner(ends[0], 1) + corner(ends[0], -1)) / 2;
+  sizes = [for (end = ends) corner(end, 1) - corner(end, -1)];
+  share = [sizes[1][0] / sizes[0][0], sizes[1][1] / sizes[0][1]];
+  off = [for (i = [0 : n - 1]) norm(ends[1][i] - middle - [for (k = [0, 1]) share[k] * (ends[0][i] - middle)[k]])];
+  if (max(off) < 1e-9 * norm(sizes[0])) translate([middle[0], middle[1], low])
+    linear_extrude(height = high - low, scale = share) polygon([for (p = ends[0]) p - middle]);
+  else polyhedron(
+    [for (end = [0, 1]) for (p = ends[end]) [p[0], p[1], [low, high][end]]],
+    [[for (i = [0 : n - 1]) i], for (i = [0 : n - 1]) [i, n + i, n + (i + 1) % n, (i + 1) % n], [for (i = [n - 1 : -1 : 0]) n + i]],
+    convexity = 10);
+}
+function corner(points, way) = [for (k = [0, 1]) way * max([for (p = points) way * p[k]])];
+function counter_clockwise(points) = signed_area(points) > 0 ? points : [for (i = [len(points) - 1 : -1 : 0]) points[i]];
+function signed_area(points, n = 0) = n == len(points) ? 0 :
+  let(a = points[n], b = points[(n + 1) % len(points)]) a[0] * b[1] - b[0] * a[1] + signed_area(points, n + 1);
+function left_of(a, b) = [a[1] - b[1], b[0] - a[0]] / norm(b - a);
+function moved_in(points, i, by) = let(
+  n = len(points), u = left_of(points[(i + n - 1) % n], points[i]), v = left_of(points[i], points[(i + 1) % n])
+) points[i] + by * (u + v) / (u * v > cos(361 / $fn) ? norm(u + v) : 1 + u * v);
+"""
+
 SWITCH = {
     True: "edges = true; // false leaves the chamfers and fillets below out",
     False: "edges = false; // true draws the chamfers and fillets below too",
@@ -104,6 +139,7 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
     "torus": lambda major, minor: f"rotate_extrude() translate([{major}, 0, 0]) circle(r = {minor})",
     "ellipsoid": lambda x, y, z: f"scale([{x}, {y}, {z}]) sphere(r = 1)",
     "extrude": lambda h, loops: f"linear_extrude(height = {h}, center = true) outline({loops})",
+    "drafted": lambda h, draft, areas: f"drafted({h}, {draft}, {areas})",
     "revolve": lambda angle, loops: f"rotate_extrude(angle = {angle}) outline({loops})",
 }
 
@@ -183,15 +219,17 @@ def to_openscad_loops(folded: Folded, segments: int, named: Parameters) -> str:
 def _definitions(program: Program) -> list[str]:
     """What the text ends with: how its outlines are drawn. OpenSCAD knows it all the same, and a person reads the part first."""
     outlines = [leaf.outline for leaf in leaves(program) if leaf.outline]
-    return [OUTLINE + (ELLIPSE if any(map(has_ellipse, outlines)) else "")] if outlines else []
+    drafted = any(leaf.kind == "drafted" for leaf in leaves(program))
+    return [OUTLINE + (ELLIPSE if any(map(has_ellipse, outlines)) else "") + (DRAFTED if drafted else "")] if outlines else []
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, named: Parameters, number: int, center: Sequence[Expression]) -> list[str]:
-    """``translate(..) rotate(..) shape(..);``, the identity parts left out; of an outline each loop has a line of its own. Above it what
-    it is."""
+    """``translate(..) rotate(..) shape(..);``, the identity parts left out; of an outline each loop has a line of its own, where
+    walls lean each area. Above it what it is."""
     place = _step("translate", [write_expression(c, rounding.length, circled=True) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
-    sizes, loops = write_sizes(leaf, named.sizes[number], rounding), write_loops(leaf, named.outlines[number], rounding)
+    write = write_regions if leaf.kind == "drafted" else write_loops
+    sizes, loops = write_sizes(leaf, named.sizes[number], rounding), write(leaf, named.outlines[number], rounding)
     notes = write_notes(named.notes, number, "//")
     if not loops:
         return [*notes, place + _SHAPE[leaf.kind](*sizes) + ";"]

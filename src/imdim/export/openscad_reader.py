@@ -17,7 +17,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from imdim.export.bends import SIDES, Arc, polygon_across_flats, regular_polygon, to_loop
-from imdim.export.openscad import ELLIPSE, OUTLINE, SWITCH, TURN, WHERE_DRAWN
+from imdim.export.openscad import DRAFTED, ELLIPSE, OUTLINE, SWITCH, TURN, WHERE_DRAWN
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program import fields
 from imdim.program.motions import Motion, move_program
@@ -29,6 +29,7 @@ _ASSIGNMENT = re.compile(r"([A-Za-z_]\w*) = (.+);")
 _CALLS = re.compile(r"(?:(translate)(\(\[[^\]]*\]\)) )?(?:(rotate)(\(\[[^\]]*\]\)) )?(.+);")
 _TORUS = re.compile(r"rotate_extrude\(\) translate(\(\[[^\]]*\]\)) circle(\(.*\))")
 _ELLIPSOID = re.compile(r"scale(\(\[[^\]]*\]\)) sphere(\(.*\))")
+_DRAFTED = re.compile(r"drafted\(.*\)")
 _SWEPT = re.compile(r"(linear_extrude|rotate_extrude)(\([^()]*\)) outline\((\[.*\])\)")
 
 _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
@@ -106,7 +107,7 @@ class _Statement(NamedTuple):
 @lru_cache(4)  # one text is read again and again, each time with another name moved
 def _read_lines(text: str) -> tuple[_Statement, ...]:
     # as many lines as before, so that messages count them as the file does
-    for ours in (OUTLINE, ELLIPSE):
+    for ours in (OUTLINE, ELLIPSE, DRAFTED):
         text = text.replace(ours, "\n" * ours.count("\n"), 1)
     lines = [(number, line) for number, line in _statements(text) if line and not line.startswith("$fn = ") and line not in _SWITCHES]
     return tuple(
@@ -152,6 +153,9 @@ def _primitive(line: str, named: tuple[tuple[str, float], ...], number: int) -> 
 def _shape(text: str, values: Values, number: int) -> tuple[str, tuple[float, ...]]:
     """Kind and size of the last part of a statement."""
     torus, ellipsoid, swept = _TORUS.fullmatch(text), _ELLIPSOID.fullmatch(text), _SWEPT.fullmatch(text)
+    if _DRAFTED.fullmatch(text):
+        height, draft, _ = _drafted_arguments(text, number)
+        return "drafted", (_value(height, values, number), _value(draft, values, number))
     if swept is not None:
         kind, names = _SWEEPS[swept[1]]
         return kind, _arguments(swept[1] + swept[2], names, values, number)[:1]
@@ -182,8 +186,19 @@ _SWEEPS: Mapping[str, tuple[str, tuple[str, ...]]] = {
 }
 
 
+def _drafted_arguments(text: str, number: int) -> list[ast.expr]:
+    """Height, draft and areas of an extrusion whose walls lean."""
+    call = _parse(text, number)
+    if not isinstance(call, ast.Call) or len(call.args) != 3 or call.keywords:
+        raise ValueError(f"line {number} is no primitive of ours: {fields.shorten(text)!r}")
+    return call.args
+
+
 def _loops(text: str, values: Values, number: int) -> tuple[Loop, ...]:
     """What the last part of a statement is drawn from, nothing for a simple kind."""
+    if _DRAFTED.fullmatch(text):
+        areas = _elements(_drafted_arguments(text, number)[2], number, range(1, MOST_CURVES + 1))
+        return tuple(_loop(loop, values, number) for area in areas for loop in _elements(area, number, range(1, MOST_CURVES + 1)))
     swept = _SWEPT.fullmatch(text)
     if swept is None:
         return ()

@@ -92,12 +92,14 @@ def _round_walls(leaf: int, p: Primitive) -> Iterator[RoundWall]:
 def find_flat_walls(
     leaf: int, part: Primitive, joints: OutlineJoints, row_of_line: Callable[[bool, int, float], Row]
 ) -> Iterator[FlatWall]:
-    """The lines of an extrusion along its own axes that lie across one of the world's, and where both its axes are the world's of these the
-    outermost whatever they run along; the flat faces of what is turned about a world axis.
+    """The lines of an upright extrusion along its own axes that lie across one of the world's, and where both its axes are the world's of
+    these the outermost whatever they run along; the flat faces of what is turned about a world axis.
 
     `row_of_line` says what the place of a line is the sum of, by whether it bounds a hole and by the axis that it lies across.
     """
     turn = exact_rotation(part)
+    if part.kind == "drafted":
+        return
     if part.kind == "revolve":
         axis = world_axis(turn[:, 2])
         for line, side, run in _lines(joints) if axis is not None else ():

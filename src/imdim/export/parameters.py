@@ -30,7 +30,7 @@ from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop as OutlineLoop
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import join_words, labels, signs, size_word, unique
-from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest
+from imdim.program.tree import ANGLES, FULL_TURN, SIZE_NAMES, Primitive, Program, leaves, longest
 
 ZERO = 1e-9
 ROUND = 1e-4  # degrees, by which a turn may miss a quarter
@@ -237,8 +237,9 @@ def _express_numbers(system: LinearSystem, program: Program, label: Sequence[str
 
 
 def _is_turn(v: int, system: LinearSystem, parts: Sequence[Primitive]) -> bool:
-    """Whether a variable is the angle by which an outline is turned."""
-    return v < system.extra and v % 6 == 0 and parts[v // 6].kind == "revolve"
+    """Whether a variable is the angle by which an outline is turned, or its walls lean."""
+    names = SIZE_NAMES[parts[v // 6].kind] if v < system.extra else ()
+    return v % 6 < len(names) and names[v % 6] in ANGLES
 
 
 _Solved = dict[int, list[tuple[int, Fraction | float]]]
@@ -343,6 +344,7 @@ RESERVED = (
     "curves",
     "face",
     "extruded",
+    "drafted",
     "turned",
 )
 

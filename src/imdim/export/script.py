@@ -32,6 +32,7 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
     "torus": lambda major, minor: f"Torus({major}, {minor})",
     "ellipsoid": lambda x, y, z: f"scale(Sphere(1), by=({x}, {y}, {z}))",
     "extrude": lambda h, *regions: f"extruded({', '.join([h, *regions])})",
+    "drafted": lambda h, draft, *regions: f"drafted({', '.join([h, draft, *regions])})",
     "revolve": lambda angle, *regions: f"turned({', '.join([angle, *regions])})",
 }
 
@@ -164,6 +165,22 @@ _EXTRUDED = '''def extruded(height, *areas):
 
 '''
 
+_DRAFTED = '''def drafted(height, draft, *areas):
+    """Areas from -height / 2 to height / 2 along z, at the foot as they are drawn; walls lean inward by the draft on the way up."""
+
+    def lean(loop, inset):
+        foot = face(loop).face().outer_wire()
+        top = foot.offset_2d(-inset, kind=Kind.INTERSECTION)
+        return Solid.make_loft([Pos(0, 0, -height / 2) * foot, Pos(0, 0, height / 2) * top], ruled=True)
+
+    part, inset = Part(), height * tan(radians(draft))
+    for outer, *holes in areas:
+        part += lean(outer, inset) - [lean(hole, -inset) for hole in holes]
+    return part
+
+
+'''
+
 _TURNED = '''def turned(angle, *areas):
     """Areas, each an outer loop and its holes, in the plane of x and z, turned about z."""
     return Part() + [revolve(Plane.XZ * face(*area), Axis.Z, angle) for area in areas]
@@ -175,6 +192,7 @@ _HELPERS = {
     "ring": RINGS + CURVES + _FACE,
     "ellipse": ELLIPSE + RINGS + CURVES + _FACE_WITH_ELLIPSES,
     "extrude": _EXTRUDED,
+    "drafted": _DRAFTED,
     "revolve": _TURNED,
 }
 _RARE = (
@@ -183,9 +201,11 @@ _RARE = (
     "CounterSinkHole",
     "Ellipse",
     "Hole",
+    "Kind",
     "Line",
     "Part",
     "Plane",
+    "Solid",
     "ThreePointArc",
     "chamfer",
     "extrude",
@@ -262,7 +282,7 @@ def to_script(
 
 def standard_imports(body: Sequence[str]) -> str:
     """What a text needs of Python's standard library."""
-    joins = [name for name in ("add", "and_", "mul") if any(f"reduce({name}," in text for text in body)]
+    joins = [name for name in ("add", "and_", "mul", "sub") if any(f"reduce({name}," in text for text in body)]
     imports: dict[str, set[str]] = {"functools": {"reduce"} if joins else set(), "operator": set(joins)}
     for mark, modules in _IMPORTS.items():
         if any(mark in text for text in body):

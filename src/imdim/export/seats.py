@@ -15,7 +15,7 @@ import numpy as np
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.roles import clips_of_each, cuts_of_each, signs
-from imdim.program.tree import FLAT_ENDS, Primitive, Program, envelope, leaves, longest
+from imdim.program.tree import PLANE_ENDS, Primitive, Program, envelope, leaves, longest
 
 ALIGNED = 1e-7  # how far a direction may be off the world's axes
 TOUCH = 1e-9  # of the largest size
@@ -201,13 +201,13 @@ def _span(pairs: _Ends, e: End, parts: list[Primitive]) -> tuple[float, float]:
 
 def ends_of(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[End]:
     """The plane faces of a leaf that look along the world's axes."""
-    for axis in (2,) if p.kind == "revolve" else FLAT_ENDS.get(p.kind, ()):
+    for axis in (2,) if p.kind == "revolve" else PLANE_ENDS.get(p.kind, ()):
         direction = numbers.rotations[leaf][:, axis]
         along = world_axis(direction)
         if along is not None:
             for side in (-1, 1):
                 own = side if direction[along] > 0 else -side
-                column = -1 if p.kind == "revolve" else FLAT_ENDS[p.kind][axis]
+                column = -1 if p.kind == "revolve" else PLANE_ENDS[p.kind][axis]
                 yield End(leaf, along, side, column, ("+" if own > 0 else "-") + "xyz"[axis])
 
 

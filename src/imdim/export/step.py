@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -176,8 +176,7 @@ def _place(leaf: Primitive) -> Any:
 def _unplaced(leaf: Primitive) -> Any:
     if leaf.outline is None:
         return _local(leaf.kind, leaf.size)
-    sweep = _extruded if leaf.kind == "extrude" else _turned
-    swept = [sweep(region, leaf.size[0]) for region in regions(leaf.outline)]
+    swept = [_SWEEPS[leaf.kind](region, *leaf.size) for region in regions(leaf.outline)]
     return boolean("Fuse", swept[:1], swept[1:]) if len(swept) > 1 else swept[0]
 
 
@@ -186,11 +185,42 @@ def _extruded(region: tuple[Loop, ...], height: float) -> Any:
     return ocp("BRepPrimAPI").BRepPrimAPI_MakePrism(face, ocp("gp").gp_Vec(0.0, 0.0, height)).Shape()
 
 
+def _drafted(region: tuple[Loop, ...], height: float, draft: float) -> Any:
+    """An extrusion whose walls are then leaned inward about the foot: planes stay planes, cylinders become cones."""
+    prism, gp = _extruded(region, height), ocp("gp")
+    draw = ocp("BRepOffsetAPI").BRepOffsetAPI_DraftAngle(prism)
+    up = gp.gp_Dir(0.0, 0.0, 1.0)
+    foot = gp.gp_Pln(gp.gp_Pnt(0.0, 0.0, -height / 2), up)
+    for face in _walls_of(prism):
+        draw.Add(face, up, math.radians(draft), foot, True)
+        if not draw.AddDone():
+            raise StepError("OpenCASCADE leans no wall of a drafted outline")
+    draw.Build()
+    if not draw.IsDone():
+        raise StepError("OpenCASCADE builds no drafted outline")
+    return draw.Shape()
+
+
+def _walls_of(prism: Any) -> Iterator[Any]:
+    """The faces of an upright prism that are not its ends."""
+    explorer = ocp("TopExp").TopExp_Explorer(prism, ocp("TopAbs").TopAbs_ShapeEnum.TopAbs_FACE)
+    while explorer.More():
+        face = ocp("TopoDS").TopoDS.Face(explorer.Current())
+        surface = ocp("BRepAdaptor").BRepAdaptor_Surface(face)
+        kind = surface.GetType().name
+        if not kind.endswith("Plane") or abs(surface.Plane().Axis().Direction().Z()) < 0.5:
+            yield face
+        explorer.Next()
+
+
 def _turned(region: tuple[Loop, ...], angle: float) -> Any:
     make, gp = ocp("BRepPrimAPI").BRepPrimAPI_MakeRevol, ocp("gp")
     face = _face(region, lambda x, z: (x, 0.0, z), (0.0, -1.0, 0.0))
     axis = gp.gp_Ax1(gp.gp_Pnt(0.0, 0.0, 0.0), gp.gp_Dir(0.0, 0.0, 1.0))
     return (make(face, axis) if angle == FULL_TURN else make(face, axis, math.radians(angle))).Shape()
+
+
+_SWEEPS: Mapping[str, Callable[..., Any]] = {"extrude": _extruded, "revolve": _turned, "drafted": _drafted}
 
 
 def _face(region: tuple[Loop, ...], place: Callable[[float, float], Vec3], normal: Vec3) -> Any:

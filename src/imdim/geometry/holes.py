@@ -21,7 +21,7 @@ from imdim.geometry.lowering import Lowered, lower
 from imdim.program.ellipse import Ellipse
 from imdim.program.holes import SUNK, Hole, HoleSection
 from imdim.program.outline import Loop, circle_of, ring_curves
-from imdim.program.tree import FLAT_ENDS, FULL_TURN, Primitive, Program, Vec3, leaves, longest
+from imdim.program.tree import FULL_TURN, PLANE_ENDS, Primitive, Program, Vec3, leaves, longest, top_of
 
 COAXIAL = 2e-4  # of the largest size, within which walls have one axis
 NEXT = 0.05  # of a diameter, by which the walls of one hole may be apart along it: a rounding between them is no wall
@@ -101,6 +101,12 @@ def _walls(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[Wall]:
             elif (hexagon := _hexagon(loop)) is not None:
                 x, y, flats, angle = hexagon
                 yield wall(x, y, -half, half, (flats / 2, flats / 2), 6, angle)
+    elif p.kind == "drafted":
+        assert p.outline is not None
+        half = p.size[0] / 2
+        for below, above in zip(p.outline.loops, top_of(p).loops, strict=True):
+            if (circle := circle_of(below)) is not None and (end := circle_of(above)) is not None:
+                yield wall(circle[0], circle[1], -half, half, (circle[2], end[2]))
     elif p.kind == "revolve" and p.size[0] == FULL_TURN:
         assert p.outline is not None
         for r, z, s, w, bulge in (c for ring in p.outline.rings for c in ring_curves(ring)):
@@ -127,7 +133,7 @@ def _plane_faces(parts: Sequence[Primitive], numbers: Lowered) -> tuple[np.ndarr
     points, normals = [], []
     for leaf, p in enumerate(parts):
         turn, center = numbers.rotations[leaf], numbers.centers[leaf]
-        ends = [(axis, side * p.size[column] / 2) for axis, column in FLAT_ENDS.get(p.kind, {}).items() for side in (-1, 1)]
+        ends = [(axis, side * p.size[column] / 2) for axis, column in PLANE_ENDS.get(p.kind, {}).items() for side in (-1, 1)]
         if p.kind == "revolve" and p.outline is not None:
             ends = [(2, z) for z in sorted({y for ring in p.outline.rings for _, y, _ in ring})]
         for axis, at in ends:

@@ -19,7 +19,7 @@ from numba import njit
 from imdim.geometry.lowering import NO_OUTLINES, Lowered, Outlines, lower, pack_all, postfix, split_params
 from imdim.program.tree import KINDS, SIMPLE, Primitive, Program, leaves
 
-BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE = range(len(KINDS))
+BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE, DRAFTED = range(len(KINDS))
 BLOCK = 256  # points that are looked at together
 LOOSE = 1e-9  # of its size and place, by which a box about a leaf is too large: rounding moves corners
 
@@ -401,7 +401,68 @@ def _local(kind, s, curves, x, y, z, out):
         return _torus(s, x, y, z, out)
     if kind == ELLIPSOID:
         return _ellipsoid(s, x, y, z, out)
-    return _extrude(curves, s, x, y, z, out) if kind == EXTRUDE else _revolve(curves, s, x, y, z, out)
+    if kind == EXTRUDE:
+        return _extrude(curves, s, x, y, z, out)
+    if kind == REVOLVE:
+        return _revolve(curves, s, x, y, z, out)
+    return _drafted(curves, _draft_motions(curves), np.empty_like(curves), s, x, y, z, out)
+
+
+@njit(nogil=True, cache=True)
+def _draft_motions(curves):
+    """How the `curves` [c, 8] of a drafted outline move per unit of inset, [c, 8]; see `program/drafting.py`. What is inside is on their
+    left."""
+    out, first = np.zeros_like(curves), 0
+    for i in range(len(curves)):
+        ax, ay, ex, ey, bulge, cx, cy = curves[i, :7]
+        last = i + 1 == len(curves) or ex != curves[i + 1, 0] or ey != curves[i + 1, 1]
+        j = first if last else i + 1
+        if last:
+            first = i + 1
+        bx, by, fx, fy, other, dx, dy = curves[j, :7]
+        px, py, qx, qy = ay - ey, ex - ax, by - fy, fx - bx
+        if bulge != 0.0:
+            px, py = (cx - ex) * bulge, (cy - ey) * bulge
+        if other != 0.0:
+            qx, qy = (dx - bx) * other, (dy - by) * other
+        p, q = math.sqrt(px * px + py * py), math.sqrt(qx * qx + qy * qy)
+        px, py, qx, qy = px / p, py / p, qx / q, qy / q
+        if other != 0.0:
+            sx, sy = qx, qy
+        elif bulge != 0.0:
+            sx, sy = px, py
+        else:
+            cosine = px * qx + py * qy
+            sx, sy = (px + qx) / (1.0 + cosine), (py + qy) / (1.0 + cosine)
+        out[i, 2], out[i, 3], out[j, 0], out[j, 1] = sx, sy, sx, sy
+        if bulge != 0.0:
+            out[i, 7] = -math.copysign(1.0, bulge)
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _drafted(curves, motions, section, s, x, y, z, out):
+    """The distance to the walls' section at this height, times the cosine of the draft: that to the walls where these are the nearest, an
+    estimate beside slanted corners. Written into `section` [c, 8] are the curves there."""
+    half, lean = s[0] / 2, math.radians(s[1])
+    cosine, slope, within = math.cos(lean), math.tan(lean), abs(z) < half
+    up = min(max(z + half, 0.0), s[0])
+    for i in range(len(curves)):
+        for k in range(8):
+            section[i, k] = curves[i, k] + up * slope * motions[i, k]
+    d, gx, gy = _outline(section, x, y, np.bool_(False))
+    # by how much more than the inset it grows beside a corner, which moves faster than its walls
+    fx, fy, near, by = x - d * gx, y - d * gy, 1e-9 * (abs(x) + abs(y) + abs(d)), 1.0
+    for i in range(len(curves)):
+        if abs(section[i, 0] - fx) <= near and abs(section[i, 1] - fy) <= near:
+            by = -(gx * motions[i, 0] + gy * motions[i, 1])
+    side, g, cap = _faces2(d * cosine, abs(z) - half)
+    by_up = g * cosine * slope * by  # of the height above the foot
+    out[0] = by_up * (0.5 if within else 1.0 if z > 0 else 0.0) - cap / 2
+    out[1] = math.radians(g * (up * by / cosine - d * math.sin(lean)))
+    out[2] = 0.0
+    out[3], out[4], out[5] = g * cosine * gx, g * cosine * gy, (by_up if within else 0.0) + math.copysign(cap, z)
+    return side
 
 
 @njit(nogil=True, cache=True)
@@ -464,10 +525,15 @@ _box_row, _sphere_row, _cylinder_row, _cone_row, _torus_row, _ellipsoid_row = (_
 @njit(nogil=True, cache=True)
 def _outlined_row(kind, size, curves, center, rotation, xs, ys, zs, out):
     point, slope = np.empty(3), np.empty(6)
+    motions = _draft_motions(curves) if kind == DRAFTED else curves
+    section = np.empty_like(curves)
     for j in range(len(out)):
         point[0], point[1], point[2] = xs[j], ys[j], zs[j]
         x, y, z = _to_local(center, rotation, point)
-        out[j] = _local(kind, size, curves, x, y, z, slope)
+        if kind == DRAFTED:
+            out[j] = _drafted(curves, motions, section, size, x, y, z, slope)
+        else:
+            out[j] = _local(kind, size, curves, x, y, z, slope)
 
 
 @njit(nogil=True, cache=True)
@@ -552,8 +618,16 @@ def _program_values(code, kinds, sizes, centers, rotations, curves, spans, point
 
 @njit(nogil=True)
 def _fill_signs(kind, s, curves, center, rotation, points, row):
-    """Write -1 for points [n, 3] in the open solid of an extruded or turned outline, and 1 for others."""
+    """Write -1 for points [n, 3] in the open solid of an outlined leaf, and 1 for others."""
     n = len(points)
+    if kind == DRAFTED:
+        motions, section, slope = _draft_motions(curves), np.empty_like(curves), np.empty(6)
+        for j in range(n):
+            x, y, z = _to_local(center, rotation, points[j])
+            row[j] = 1.0
+            if abs(z) < s[0] / 2:
+                row[j] = -1.0 if _drafted(curves, motions, section, s, x, y, z, slope) < 0 else 1.0
+        return
     u, v, odd = np.empty(n), np.empty(n), np.zeros(n, np.bool_)
     for j in range(n):
         x, y, z = _to_local(center, rotation, points[j])
@@ -621,7 +695,7 @@ def _fill_local_box(kind, s, curves, low, high):
             ax, ay, ex, ey, by = cx, cy, cx, cy, radius
         left, right = min(left, ax - by, ex - by), max(right, ax + by, ex + by)
         bottom, top = min(bottom, ay - by, ey - by), max(top, ay + by, ey + by)
-    if kind == EXTRUDE:
+    if kind != REVOLVE:
         low[0], low[1], low[2], high[0], high[1], high[2] = left, bottom, -s[0] / 2, right, top, s[0] / 2
     else:
         far = max(abs(left), abs(right))

@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.drafting import steps_of
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Outline, arc_center, arc_radius, has_ellipse, loop_curves, nesting
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, fold, leaves, map_leaves
@@ -85,6 +86,27 @@ def row_curve(row: np.ndarray) -> Curve | Ellipse:
     if radius < 0:
         return Ellipse(-radius, abs(bulge) * -radius, cx, cy, math.degrees(math.atan2(v - y, u - x)))
     return x, y, u, v, bulge
+
+
+def follow_curves(curves: np.ndarray) -> np.ndarray:
+    """The number [c] of the curve that begins where each of the curves [c, 4 and more] of closed loops, one after the other, ends."""
+    following, first = np.arange(1, len(curves) + 1), 0
+    for k in range(len(curves)):
+        if k + 1 == len(curves) or (curves[k, 2:4] != curves[k + 1, :2]).any():
+            following[k], first = first, k + 1
+    return following
+
+
+def draft_motions(curves: np.ndarray) -> np.ndarray:
+    """How the curves [c, 8] of a drafted outline move per unit of inset, [c, 8]; see `program/drafting.py`."""
+    out, follows = np.zeros((len(curves), 8)), follow_curves(curves)
+    starts = np.flatnonzero(np.append(True, follows[:-1] != np.arange(1, len(curves))))
+    for ring in np.split(np.arange(len(curves)), starts[1:]):
+        x, y, b = curves[ring][:, [0, 1, 4]].T.tolist()
+        out[ring, :2] = steps_of(0, tuple(zip(x, y, b, strict=True)))
+    out[:, 2:4] = out[follows, :2]
+    out[:, 7] = -np.sign(curves[:, 4])
+    return out
 
 
 NO_OUTLINES = Outlines(NO_CURVES, np.empty((0, 2), np.int64))

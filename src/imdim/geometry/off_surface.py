@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from imdim.geometry.lowering import Outlines
+from imdim.geometry.lowering import Outlines, draft_motions
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.ellipse import Ellipse, ellipse_distance, holds_point
 from imdim.program.outline import Outline
@@ -56,6 +56,16 @@ def _extrude(leaf: Primitive, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np
     return _corner(_outline(leaf.outline, x, y, turned=False), np.abs(z) - leaf.size[0] / 2)
 
 
+def _drafted(leaf: Primitive, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    assert leaf.outline is not None
+    height, draft = leaf.size
+    inset = np.clip(z + height / 2, 0.0, height) * math.tan(math.radians(draft))
+    curves = Outlines.pack([leaf.outline]).curves
+    section = curves.T[:, :, None] + inset * draft_motions(curves).T[:, :, None]
+    nearest, odd = _beside_curves(section, x, y)
+    return _corner(np.where(odd, -nearest, nearest) * math.cos(math.radians(draft)), np.abs(z) - height / 2)
+
+
 def _revolve(leaf: Primitive, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     assert leaf.outline is not None
     rho = np.hypot(x, y)
@@ -73,7 +83,7 @@ def _outline(outline: Outline, x: np.ndarray, y: np.ndarray, turned: bool) -> np
     """Signed distances [n] of points of the plane; lines along the axis of what is `turned` bound nothing."""
     curves = Outlines.pack([outline]).curves
     on_axis = (curves[:, [0, 2, 4]] == 0).all(axis=1)
-    nearest, odd = _beside_curves(curves[(curves[:, 7] >= 0) & ~(turned & on_axis)], x, y)
+    nearest, odd = _beside_curves(curves[(curves[:, 7] >= 0) & ~(turned & on_axis)].T[:, :, None], x, y)
     points = list(zip(x.tolist(), y.tolist(), strict=True))
     for loop in (loop for loop in outline.loops if isinstance(loop, Ellipse)):
         nearest = np.minimum(nearest, [ellipse_distance(loop, point) for point in points])
@@ -82,13 +92,14 @@ def _outline(outline: Outline, x: np.ndarray, y: np.ndarray, turned: bool) -> np
 
 
 def _beside_curves(curves: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distances [n] to the nearest of lines and arcs [c, 8], and whether a ray from a point crosses them an odd number of times [n].
+    """Distances [n] to the nearest of lines and arcs [8, c, 1], or of those of each point [8, c, n], and whether a ray from a point crosses
+    them an odd number of times [n].
 
     The parity is that of the chords, turned for each arc that has the point between it and its chord (see `outline.is_in_loop`).
     """
-    if not len(curves):
+    if not curves.shape[1]:
         return np.full(len(x), np.inf), np.zeros(len(x), bool)
-    ax, ay, ex, ey, bulge, cx, cy, radius = (column[:, None] for column in curves.T)
+    ax, ay, ex, ey, bulge, cx, cy, radius = curves
     ux, uy, wx, wy = ex - ax, ey - ay, x - ax, y - ay
     falls = (ey < ay) | ((ey == ay) & (ex < ax))
     side = np.where(falls, uy * (x - ex) - ux * (y - ey), ux * wy - uy * wx)
@@ -112,4 +123,5 @@ LOCAL: Mapping[str, _Local] = {
     "ellipsoid": _ellipsoid,
     "extrude": _extrude,
     "revolve": _revolve,
+    "drafted": _drafted,
 }

@@ -83,7 +83,8 @@ class Pose:
     def column(self, leaf: int, axis: int) -> int:
         """The size across a plane face."""
         kind = KINDS[self.numbers.kinds[leaf]]
-        return axis if kind == "box" else len(SIZE_NAMES[kind]) - 1
+        # the other sizes of a drafted outline come behind its height, those of other kinds before
+        return axis if kind == "box" else 0 if kind == "drafted" else len(SIZE_NAMES[kind]) - 1
 
     def size(self, ref: Ref) -> Row:
         column = SIZE_NAMES[KINDS[self.numbers.kinds[ref.leaf]]].index(ref.feature)
@@ -127,5 +128,5 @@ def _drawn_radius(numbers: Lowered, leaf: int) -> float:
     rows = numbers.outlines.curves[slice(*numbers.outlines.spans[leaf])]
     (left, low), (right, high) = curve_bounds(list(map(row_curve, rows)))
     beside, reach = max(-left, right), max(-low, high)
-    along = numbers.sizes[leaf, 0] / 2 if KINDS[numbers.kinds[leaf]] == "extrude" else 0.0
+    along = 0.0 if KINDS[numbers.kinds[leaf]] == "revolve" else numbers.sizes[leaf, 0] / 2
     return math.hypot(beside, reach, along)

@@ -1,10 +1,11 @@
 """The leaf table and its folds in torch: differentiable, batched, on any device. It is the reference of the other backends.
 
-Distances are negative inside. All kinds but the ellipsoid have their exact Euclidean distance. The ellipsoid has the
-first-order distance ``k0 (k0 - 1) / k1`` with ``k0 = |q / s|``, ``k1 = |q / s^2|``, not below ``-min(s)``: its sign and zero set
-are exact, its gradient has length one on the surface, and away from it the value is an estimate that does not exceed
-``|q| - min(s)``. A program's value, the minimum and maximum of those, has the exact sign and is a lower bound of the distance
-outside (Hart 1996, "Sphere tracing", section 2).
+Distances are negative inside. All kinds but the ellipsoid and the drafted outline have their exact Euclidean distance. The ellipsoid
+has the first-order distance ``k0 (k0 - 1) / k1`` with ``k0 = |q / s|``, ``k1 = |q / s^2|``, not below ``-min(s)``: its sign and zero
+set are exact, its gradient has length one on the surface, and away from it the value is an estimate that does not exceed
+``|q| - min(s)``. A drafted outline has the distance within its section at the height of the point, times the cosine of the draft: exact
+where a wall is nearest, an estimate beside the slanted edges of its walls. A program's value, the minimum and maximum of those, has the
+exact sign and but for those estimates is a lower bound of the distance outside (Hart 1996, "Sphere tracing", section 2).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from imdim.geometry.lowering import NO_OUTLINES, Outlines, pack, unpack
+from imdim.geometry.lowering import NO_OUTLINES, Outlines, follow_curves, pack, unpack
 from imdim.geometry.rotations import rotation_rows
 from imdim.program.tree import FULL_TURN, KINDS, Op, Program, fold, leaves
 
@@ -188,31 +189,32 @@ def _foot_angle(x: Tensor, y: Tensor, rx: Tensor, ry: Tensor) -> tuple[Tensor, T
 
 
 def _rings(x: Tensor, y: Tensor, curves: Tensor, turned: bool) -> tuple[Tensor, Tensor]:
-    """Distances [..., n] to the loops of `curves` [c, 5], and whether an odd number of them hold the points.
+    """Distances [..., n] to the loops of `curves` [c, 5], or of those of each point [..., n, c, 5], and whether an odd number of them hold
+    the points.
 
     The parity of crossings is that of the chords, turned for each arc that has the point between it and its chord (see
     `outline.is_in_loop`). Lines along the axis of what is `turned` bound nothing.
     """
     if turned:
         curves = curves[(curves[:, [0, 2, 4]] != 0).any(1)]
-    start, end, bulge = curves[:, :2], curves[:, 2:4], curves[:, 4]
-    p, chord = torch.stack([x, y], -1)[..., None, :], end - start  # [..., n, 1, 2] and [c, 2]
+    start, end, bulge = curves[..., :2], curves[..., 2:4], curves[..., 4]
+    p, chord = torch.stack([x, y], -1)[..., None, :], end - start  # [..., n, 1, 2] and [.., c, 2]
     arc, signed = bulge != 0, torch.where(bulge != 0, bulge, 1.0)
     t = (((p - start) * chord).sum(-1) / (chord * chord).sum(-1)).clamp(0, 1)
     to_line = vector_norm(p - start - t[..., None] * chord, dim=-1)
-    normal = torch.stack([-chord[:, 1], chord[:, 0]], -1)
-    center = (start + end) / 2 + normal * ((1 - signed**2) / (4 * signed))[:, None]
+    normal = torch.stack([-chord[..., 1], chord[..., 0]], -1)
+    center = (start + end) / 2 + normal * ((1 - signed**2) / (4 * signed))[..., None]
     radius = vector_norm(chord, dim=-1) * (1 + signed**2) / (4 * signed.abs())
     away = vector_norm(p - center, dim=-1)
     foot = center + (p - center) * (radius / torch.where(away > 0, away, 1.0))[..., None]
     to_ends = torch.minimum(vector_norm(p - start, dim=-1), vector_norm(p - end, dim=-1))
     # at its centre an arc is as near as its radius, wherever the foot falls
     to_arc = torch.where((_left_of(foot, start, chord) * signed <= 0) | (away == 0), (away - radius).abs(), to_ends)
-    level = chord[:, 1] == 0
-    falls = (chord[:, 1] < 0) | (level & (chord[:, 0] < 0))
+    level = chord[..., 1] == 0
+    falls = (chord[..., 1] < 0) | (level & (chord[..., 0] < 0))
     side = torch.where(falls, -_left_of(p, end, chord), _left_of(p, start, chord))
     left = (side > 0) | ((side == 0) & level)
-    crossed = ((start[:, 1] > p[..., 1]) != (end[:, 1] > p[..., 1])) & left
+    crossed = ((start[..., 1] > p[..., 1]) != (end[..., 1] > p[..., 1])) & left
     between = arc & (away < radius) & (left == ((bulge > 0) == falls))
     odd = (crossed.sum(-1) + between.sum(-1)) % 2 == 1
     return torch.where(arc, to_arc, to_line).amin(-1), odd
@@ -220,11 +222,40 @@ def _rings(x: Tensor, y: Tensor, curves: Tensor, turned: bool) -> tuple[Tensor, 
 
 def _left_of(p: Tensor, start: Tensor, chord: Tensor) -> Tensor:
     """Positive where points lie left of chords."""
-    return chord[:, 0] * (p[..., 1] - start[:, 1]) - chord[:, 1] * (p[..., 0] - start[:, 0])
+    return chord[..., 0] * (p[..., 1] - start[..., 1]) - chord[..., 1] * (p[..., 0] - start[..., 0])
 
 
 def _extrude(q: Tensor, size: Tensor, drawing: _Drawing) -> Tensor:
     return _from_faces(torch.stack([_outline(q[..., 0], q[..., 1], drawing), q[..., 2].abs() - size[..., 0] / 2], -1))
+
+
+def _drafted(q: Tensor, size: Tensor, drawing: _Drawing) -> Tensor:
+    """From the section at the height of a point, see `program/drafting.py`."""
+    height, lean = size[..., 0], torch.deg2rad(size[..., 1])
+    up = torch.minimum((q[..., 2] + height / 2).clamp_min(0), height) * torch.tan(lean)
+    steps = _draft_steps(drawing.curves)
+    curves = drawing.curves.expand(*up.shape, *drawing.curves.shape)
+    moved = torch.cat([curves[..., :4] + up[..., None, None] * steps, curves[..., 4:]], -1)
+    distance, odd = _rings(q[..., 0], q[..., 1], moved, turned=False)
+    walls = distance * torch.where(odd, -1.0, 1.0) * torch.cos(lean)
+    return _from_faces(torch.stack([walls, q[..., 2].abs() - height / 2], -1))
+
+
+def _draft_steps(curves: Tensor) -> Tensor:
+    """How both ends [c, 4] of the curves [c, 5] of an outline move per unit of inset, as `lowering.draft_motions` has it."""
+    start, end, bulge = curves[:, :2], curves[:, 2:4], curves[:, 4:]
+    chord = end - start
+    left = torch.stack([-chord[:, 1], chord[:, 0]], -1)
+    is_arc, signed = bulge != 0, torch.where(bulge != 0, bulge, 1.0)
+    center = (start + end) / 2 + left * (1 - signed**2) / (4 * signed)
+    at_start, at_end = (torch.where(is_arc, (center - p) * signed, left) for p in (start, end))
+    follows = torch.as_tensor(follow_curves(curves.detach().cpu().numpy()), device=curves.device)
+    before = at_end / vector_norm(at_end, dim=-1, keepdim=True)
+    after = (at_start / vector_norm(at_start, dim=-1, keepdim=True))[follows]
+    corner = (before + after) / (1 + (before * after).sum(-1, keepdim=True))
+    step = torch.where(is_arc[follows], after, torch.where(is_arc, before, corner))
+    own = torch.empty_like(step).index_copy(0, follows, step)
+    return torch.cat([own, step], -1)
 
 
 def _revolve(q: Tensor, size: Tensor, drawing: _Drawing) -> Tensor:
@@ -251,4 +282,8 @@ LOCAL_SDF: Mapping[str, Callable[[Tensor, Tensor], Tensor]] = {
 }
 
 # As above for the kinds that are drawn, one leaf: local points [..., n, 3], sizes [..., 1, 3] and its drawing.
-OUTLINED_SDF: Mapping[str, Callable[[Tensor, Tensor, _Drawing], Tensor]] = {"extrude": _extrude, "revolve": _revolve}
+OUTLINED_SDF: Mapping[str, Callable[[Tensor, Tensor, _Drawing], Tensor]] = {
+    "extrude": _extrude,
+    "revolve": _revolve,
+    "drafted": _drafted,
+}

@@ -12,12 +12,13 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
+from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType, triangulate
 
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.drafting import inset_at_top, shrink
 from imdim.program.motions import is_round
 from imdim.program.nary import fold_nary
-from imdim.program.outline import Outline, flatten_loop
+from imdim.program.outline import Outline, Ring, arc_center, arc_radius, curve_distance, flatten_loop, ring_curves
 from imdim.program.tree import FULL_TURN, Op, Primitive, Program, leaves, longest
 
 if TYPE_CHECKING:
@@ -57,19 +58,52 @@ def _place(primitive: Primitive, rotation: np.ndarray, center: np.ndarray, segme
     placement = np.column_stack([rotation, center])
     if primitive.outline is None:
         return _LOCAL[primitive.kind](primitive.size, segments).transform(placement)
-    return _sweep(primitive.kind, primitive.size[0], primitive.outline, segments).transform(placement)
+    return _sweep(primitive.kind, primitive.size, primitive.outline, segments).transform(placement)
 
 
 @lru_cache(SWEEPS_KEPT)
-def _sweep(kind: str, extent: float, outline: Outline, segments: int) -> Manifold:
-    """An outline about its own origin, extruded as high or turned by as many degrees as the `extent`. It is placed in a moment; trials
+def _sweep(kind: str, size: tuple[float, ...], outline: Outline, segments: int) -> Manifold:
+    """An outline about its own origin, extruded as high or turned by as many degrees as the `size` says. It is placed in a moment; trials
     have most of their drawings in common."""
-    section = draw_section(outline, segments)
+    if kind == "drafted":
+        return _loft(outline, shrink(outline, inset_at_top(*size)), size[0], segments)
+    section, extent = draw_section(outline, segments), size[0]
     if kind == "extrude":
         return section.extrude(extent).translate((0.0, 0.0, -extent / 2))
     # manifold3d takes all of these for the part of the turn, OpenSCAD its share of them
     divisions = max(3, math.floor(segments * extent / FULL_TURN + 1e-9))
     return section.revolve(divisions, extent)
+
+
+def _loft(foot: Outline, top: Outline, height: float, segments: int) -> Manifold:
+    """The solid between two outlines of which one is the other with its walls moved inward: its walls are flat from facet to facet."""
+    below = [np.array(flatten_loop(ring, segments)) for ring in foot.rings]
+    above = [_move_corners(*rings) for rings in zip(below, foot.rings, top.rings, strict=True)]
+    count = sum(map(len, below))
+    starts = np.repeat(np.cumsum([0, *map(len, below[:-1])]), [*map(len, below)])
+    lengths = np.repeat([*map(len, below)], [*map(len, below)])
+    at = np.arange(count)
+    after = starts + (at - starts + 1) % lengths
+    walls = np.concatenate([np.column_stack([at, after, after + count]), np.column_stack([at, after + count, at + count])])
+    caps = np.concatenate([triangulate(below)[:, ::-1], triangulate(above) + count])
+    half = np.full(count, height / 2)
+    corners = np.concatenate([np.column_stack([np.concatenate(below), -half]), np.column_stack([np.concatenate(above), half])])
+    return solid_of(corners, np.concatenate([walls, caps]))
+
+
+def _move_corners(corners: np.ndarray, foot: Ring, top: Ring) -> np.ndarray:
+    """Where corners [n, 2] of a flattened ring come to lie on another one, whose arcs have the same centres."""
+    arcs = [(one, other) for one, other in zip(ring_curves(foot), ring_curves(top), strict=True) if one[4]]
+    vertices = {(x, y): (u, v) for (x, y, _), (u, v, _) in zip(foot, top, strict=True)}
+    out = []
+    for corner in map(tuple, corners.tolist()):
+        if corner in vertices:
+            out.append(vertices[corner])
+            continue
+        one, other = min(arcs, key=lambda pair: curve_distance(pair[0], corner))
+        (x, y), share = arc_center(one), arc_radius(other) / arc_radius(one)
+        out.append((x + (corner[0] - x) * share, y + (corner[1] - y) * share))
+    return np.array(out)
 
 
 def draw_section(outline: Outline, segments: int) -> CrossSection:

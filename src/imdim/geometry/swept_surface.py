@@ -14,6 +14,7 @@ from numba import njit
 
 from imdim.geometry.kernels import in_outline
 from imdim.geometry.lowering import Outlines, row_curve
+from imdim.program.drafting import inset_at_top, shrink
 from imdim.program.outline import Outline, curve_bounds, orient_loops
 from imdim.program.tree import FULL_TURN
 
@@ -23,6 +24,9 @@ MEANS = 12  # steps of the arithmetic-geometric mean, each of which doubles the 
 def face_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndarray:
     """Areas [c + 2] of the faces: one for each curve, and the two ends."""
     curves, lengths, ends = _curves(outline), _lengths(outline), _ends(kind, size, outline.area)
+    if kind == "drafted":
+        top = _top(size, outline)
+        return np.concatenate([_slant(size) * (lengths + _lengths(top)) / 2, [outline.area, top.area]])
     if kind == "extrude":
         return np.append(size[0] * lengths, ends)
     # Pappus' first theorem: an arc's middle is r (sin b - sin a) / turn beside its centre
@@ -40,6 +44,8 @@ def sampling_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.n
     # even eccentric angles of an ellipse are as far apart as those of the circle about it, at most
     semi_axis = -_curves(outline)[:, 7] * np.maximum(1.0, np.abs(_curves(outline)[:, 4]))
     lengths = np.where(semi_axis > 0, 2 * math.pi * semi_axis, _lengths(outline))
+    if kind == "drafted":
+        return np.append(_slant(size) * np.maximum(lengths, _lengths(_top(size, outline))), ends)
     if kind == "extrude":
         return np.append(size[0] * lengths, ends)
     return np.append(math.radians(size[0]) * _widest(outline) * lengths, ends)
@@ -49,6 +55,8 @@ def map_swept(kind: str, size: tuple[float, ...], outline: Outline, u: np.ndarra
     """Local points [n, 3], outward unit normals [n, 3] and the share [n] of them to keep, for uniforms `u` [n, 3]."""
     areas, count = sampling_areas(kind, size, outline), len(_curves(outline))
     face = np.minimum(np.searchsorted(np.cumsum(areas) / areas.sum(), u[:, 0], side="right"), count + 1)
+    if kind == "drafted":
+        return _map_drafted(size, outline, face, u[:, 1], u[:, 2])
     flat, normal = _on_curves(outline, np.minimum(face, count - 1), u[:, 1])
     share = _even_share(_curves(outline)[np.minimum(face, count - 1)], u[:, 1])
     if kind == "revolve":
@@ -75,11 +83,46 @@ def draw_even_swept(
     number and of the chance by which one is kept, which are not dropped. What `map_swept` gives for them, a point at a time."""
     curves, areas = _curves(outline), sampling_areas(kind, size, outline)
     bounds, box = np.concatenate([[0.0], np.cumsum(areas) / areas.sum()]), np.array(outline.bounds)
+    if kind == "drafted":
+        u, i = (np.arange(n) + 0.5) / n, np.arange(n)
+        face = np.minimum(np.searchsorted(bounds[1:], u, side="right"), len(areas) - 1)
+        at = (u - bounds[face]) / np.maximum(bounds[face + 1] - bounds[face], 1e-300)
+        points, normals, share = _map_drafted(size, outline, face, at, i * steps[0] % 1.0)
+        kept = i * steps[1] % 1.0 < share
+        return points[kept], normals[kept]
     points, normals, kept, on_end = _draw_swept(kind == "revolve", size[0], curves, _widest(outline), bounds, box, n, *steps)
     # on an end of a turned outline the plane of the outline is that of the radius and the height
     flat = points[on_end, :2] if kind == "extrude" else np.column_stack([np.hypot(points[on_end, 0], points[on_end, 1]), points[on_end, 2]])
     kept[on_end] = in_outline(curves, flat)
     return points[kept], normals[kept]
+
+
+def _map_drafted(
+    size: tuple[float, ...], outline: Outline, face: np.ndarray, at: np.ndarray, other: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `map_swept`, of places at two shares [n] of faces [n]: along a curve and up its wall, or along both edges of the foot's box."""
+    height, lean, curves, top = size[0], math.radians(size[1]), _curves(outline), _top(size, outline)
+    which, upper = np.minimum(face, len(curves) - 1), face > len(curves)
+    (below, normal), (above, _) = _on_curves(outline, which, at), _on_curves(top, which, at)
+    flat, up = below + other[:, None] * (above - below), other.copy()
+    lengths = np.column_stack([_lengths(outline)[which], _lengths(top)[which]])
+    share = (lengths[:, 0] + other * (lengths[:, 1] - lengths[:, 0])) / lengths.max(1)
+    normals = np.column_stack([normal * math.cos(lean), np.full(len(face), math.sin(lean))])
+    ends, (low, high) = face >= len(curves), np.array(outline.bounds)
+    flat[ends] = low + (high - low) * np.column_stack([at, other])[ends]
+    for end, section in ((ends & ~upper, outline), (upper, top)):
+        share[end] = in_outline(_curves(section), flat[end])
+    up[ends], normals[ends] = upper[ends], np.column_stack([np.zeros((len(face), 2)), np.where(upper, 1.0, -1.0)])[ends]
+    return np.column_stack([flat, (up - 0.5) * height]), normals, share
+
+
+def _top(size: tuple[float, ...], outline: Outline) -> Outline:
+    return shrink(outline, inset_at_top(*size))
+
+
+def _slant(size: tuple[float, ...]) -> float:
+    """How long drafted walls are from the foot to the top."""
+    return size[0] / math.cos(math.radians(size[1]))
 
 
 @njit(nogil=True, cache=True)

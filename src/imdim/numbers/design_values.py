@@ -16,7 +16,7 @@ import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.symmetry_normal_form import AXIAL, EXACT
-from imdim.program.tree import Primitive, envelope
+from imdim.program.tree import ACROSS, Primitive, envelope
 
 COARSE = 20.0  # half-widths of an interval, that a grid must be wide: it then holds one of its numbers by chance one time in ten
 APART = 4.0  # half-widths of an interval, that numbers of a grid on which the whole part lies must be apart
@@ -109,9 +109,10 @@ def _reading(p: Primitive) -> _Reading:
 
 
 def _outlined_reading(p: Primitive) -> _Reading:
-    """The ends of an aligned extrusion; where a leaf lies in the plane of its outline goes with that."""
+    """The ends of an aligned extrusion; where a leaf lies in the plane of its outline goes with that, and by how much its walls lean is no
+    length."""
     frame = np.abs(matrix_from_euler(p.rotation))
-    sizes, axis = (1 if p.kind == "extrude" else 0), int(frame[:, 2].argmax())
+    sizes, axis = (1 if p.kind in ACROSS else 0), int(frame[:, 2].argmax())
     if not is_level(p):
         return _reading_of(sizes, ())
     reading = _reading_of(sizes, ((0, axis),) if sizes else ())

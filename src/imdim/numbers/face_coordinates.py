@@ -28,7 +28,7 @@ from imdim.geometry.pose import radii
 from imdim.geometry.rotations import euler_from_matrix, skew
 from imdim.program.tree import FLAT_ENDS, FULL_TURN, KINDS, SIZE_NAMES, Primitive, Program, map_leaves
 
-BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE = range(len(KINDS))
+BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE, DRAFTED = range(len(KINDS))
 
 # One step may shrink a size to no less than this share and turn or shift a leaf by no more than this share of its bounding radius.
 MIN_SHRINK = 0.3
@@ -53,6 +53,8 @@ def _step_map(kind: int, size: np.ndarray, radius: float) -> np.ndarray:
             out[end, column] = 0 if pointed else slope
             out[end, end] = not pointed
     full = kind == REVOLVE and size[0] == FULL_TURN
+    if kind == DRAFTED:
+        out[1, 1] = 0  # it is an angle, and read off the walls that lean
     if kind == REVOLVE:
         out[0, 0] = 0 if full else np.degrees(1 / radius)
     if kind in (CYLINDER, CONE, TORUS) or full:
@@ -100,6 +102,12 @@ def lift_numbers(program: Program, before: Lowered, after: Lowered) -> Program:
         turned = not np.array_equal(before.rotations[i], after.rotations[i])
         rx, ry, rz = euler_from_matrix(after.rotations[i]) if turned else p.rotation
         size = tuple(after.sizes[i, : len(p.size)].tolist())
-        return Primitive(p.kind, size, tuple(after.centers[i].tolist()), (rx + 0.0, ry + 0.0, rz + 0.0), p.outline)  # no negative zeros
+        place = tuple(after.centers[i].tolist()), (rx + 0.0, ry + 0.0, rz + 0.0)  # no negative zeros
+        try:
+            return Primitive(p.kind, size, *place, p.outline)
+        except ValueError:
+            if p.kind != "drafted":
+                raise
+            return Primitive(p.kind, p.size, *place, p.outline)  # so high its walls would meet
 
     return map_leaves(program, read)

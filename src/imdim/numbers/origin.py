@@ -10,7 +10,7 @@ from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import COARSE, Values, coarsest_widths, decimal, grids, is_level, round_to_grid, span
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import arc_center, loop_curves
-from imdim.program.tree import Primitive, Vec3
+from imdim.program.tree import ACROSS, Primitive, Vec3
 
 NEAR = 3e-6  # of the part, within which a place is on a grid: what single precision leaves
 MOST = 0.8  # of the places along an axis are on the grid then,
@@ -82,7 +82,7 @@ def _drawn_places(leaf: Primitive) -> Iterator[tuple[int, float]]:
     assert leaf.outline is not None
     for curve in (curve for loop in leaf.outline.loops for curve in loop_curves(loop)):
         # of a turned drawing only heights are places
-        for column, value in _curve_places(curve) if leaf.kind == "extrude" else ((2, v) for c, v in _curve_places(curve) if c == 1):
+        for column, value in _curve_places(curve) if leaf.kind in ACROSS else ((2, v) for c, v in _curve_places(curve) if c == 1):
             axis = int(np.abs(frame[:, column]).argmax())
             yield axis, float(leaf.center[axis] + frame[axis, column] * value)
 

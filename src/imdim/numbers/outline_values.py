@@ -51,7 +51,7 @@ from imdim.program.outline import (
     ring_curves,
 )
 from imdim.program.regular_polygon import regular_of
-from imdim.program.tree import Primitive
+from imdim.program.tree import ACROSS, Primitive
 
 FLATTEST = 0.05  # sine of the angle to an axis below which a line's crossing with the axis is no number of its own
 FARTHEST = 20.0  # tolerances that a vertex may move: where curves meet at small angles it moves further than they do
@@ -159,13 +159,22 @@ def redraw_leaf(leaf: Primitive, grids: Callable[[Outline], OutlineGrids], stays
     rotation = matrix_from_euler(leaf.rotation)
     rotation = np.round(rotation) if is_level(leaf) else rotation
     x, y, z = (rotation.T @ leaf.center).tolist() if is_level(leaf) else (0.0, 0.0, 0.0)
-    across = leaf.kind == "extrude"
+    across = leaf.kind in ACROSS
     offset = (x, y) if across else (0.0, z)
     placed = leaf.outline.shift(*offset)
     snapped = _redraw(leaf.outline, placed, offset, grids(placed))
     # an arc that comes near the axis that a part is turned about may cross it with round numbers
     if snapped is leaf.outline or (leaf.kind == "revolve" and snapped.bounds[0][0] < 0):
         return leaf
+    try:
+        return _place_outline(leaf, snapped, rotation, offset, stays)
+    except ValueError:  # the walls of a drafted one would meet, or no arc touch its neighbours
+        return leaf
+
+
+def _place_outline(leaf: Primitive, snapped: Outline, rotation: np.ndarray, offset: Point, stays: bool) -> Primitive:
+    """The leaf with another outline, about its own centre or about one that `stays`."""
+    across = leaf.kind in ACROSS
     if stays:
         return replace(leaf, outline=snapped)
     (left, low), (right, high) = snapped.bounds

@@ -18,7 +18,7 @@ from imdim.numbers.design_values import LENGTH, Values, decimal, grids, is_level
 from imdim.numbers.outline_grids import OutlineGrids
 from imdim.numbers.outline_values import redraw_leaf
 from imdim.program.outline import arc_radius, ring_curves
-from imdim.program.tree import Primitive, longest
+from imdim.program.tree import ACROSS, Primitive, longest
 
 ONE = 1e-10  # of the largest size, within which numbers are one already: what arcs keep of their radius
 SAME_LENGTH = 1.5e-3  # of a length: small ones that differ by more are two, however large the part
@@ -140,4 +140,4 @@ def _drawn_numbers(leaf: Primitive) -> Iterator[Number]:
 
 def _drawn_axes(leaf: Primitive) -> tuple[tuple[int, int], ...]:
     """The axes of an outline and of its leaf's frame that are one, without that which says how far from its axis a turned one is."""
-    return ((0, 0), (1, 1)) if leaf.kind == "extrude" else ((1, 2),)
+    return ((0, 0), (1, 1)) if leaf.kind in ACROSS else ((1, 2),)

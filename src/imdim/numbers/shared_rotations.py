@@ -12,8 +12,8 @@ from imdim.geometry.rotations import frame_from_axis, matrix_from_euler, shortes
 from imdim.numbers.symmetry_normal_form import along_axis, in_frame, is_round, round_turns
 from imdim.program.tree import KINDS, Primitive, combine_all
 
-BOX, SPHERE, ELLIPSOID, EXTRUDE = (KINDS.index(kind) for kind in ("box", "sphere", "ellipsoid", "extrude"))
-FULL = (BOX, ELLIPSOID, EXTRUDE)  # kinds with three directions; a sphere has none, the others have their axis
+BOX, SPHERE, ELLIPSOID, EXTRUDE, DRAFTED = (KINDS.index(kind) for kind in ("box", "sphere", "ellipsoid", "extrude", "drafted"))
+FULL = (BOX, ELLIPSOID, EXTRUDE, DRAFTED)  # kinds with three directions; a sphere has none, the others have their axis
 EQUAL = np.array(SYMMETRIES)
 TURNS = 6  # first of the rotation's coordinates of a leaf
 

@@ -31,7 +31,7 @@ from imdim.numbers.inches import are_inches
 from imdim.numbers.outline_values import snap_leaf
 from imdim.numbers.shared_rotations import round_together
 from imdim.numbers.symmetry_normal_form import canonical
-from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, map_leaves
+from imdim.program.tree import ANGLED, FULL_TURN, Primitive, Program, leaves, map_leaves
 
 S = TypeVar("S")
 C = TypeVar("C")
@@ -150,7 +150,7 @@ def _snap_rotations(parts: list[Primitive], judge: _SnapJudge, config: SnapConfi
 def _snap_outlines(
     parts: tuple[Primitive, ...], judge: _SnapJudge, config: SnapConfig, largest: float, inches: bool
 ) -> tuple[Primitive, ...]:
-    """Outlines rounded as boldly as they bear, and the angles that they turn by."""
+    """Outlines rounded as boldly as they bear, and the angles that they turn by or that their walls lean at."""
     start = parts
     for share in OUTLINE_SHARES:
         # to a few digits: a bold small share and a timid large one are one question, which is answered once
@@ -159,11 +159,20 @@ def _snap_outlines(
         offers = [(i, leaf) for i, leaf in offers if leaf != parts[i]]
         parts = accept_changes(parts, offers, _put, judge.bears_parts, config.tries)
     for step in ANGLE_STEPS:
-        turned = [(i, round(p.size[0] / step) * step) for i, p in enumerate(parts) if p.kind == "revolve" and p.size == start[i].size]
-        close = [(i, angle) for i, angle in turned if 0 < abs(angle - parts[i].size[0]) <= config.max_deg and 0 < angle <= FULL_TURN]
-        offers = [(i, replace(parts[i], size=(decimal(angle),))) for i, angle in close]
+        angled = [(i, p.size[-1]) for i, p in enumerate(parts) if p.kind in ANGLED and p.size[-1] == start[i].size[-1]]
+        round_ones = [(i, angle, decimal(round(angle / step) * step)) for i, angle in angled]
+        close = [(i, new) for i, old, new in round_ones if 0 < abs(new - old) <= config.max_deg and 0 < new <= FULL_TURN]
+        offers = [(i, leaf) for i, new in close if (leaf := _with_angle(parts[i], new)) is not None]
         parts = accept_changes(parts, offers, _put, judge.bears_parts, config.tries)
     return parts
+
+
+def _with_angle(leaf: Primitive, angle: float) -> Primitive | None:
+    """The leaf with another last size; None where walls that lean so would meet."""
+    try:
+        return replace(leaf, size=(*leaf.size[:-1], angle))
+    except ValueError:
+        return None
 
 
 def _put(parts: tuple[Primitive, ...], change: tuple[int, Primitive]) -> tuple[Primitive, ...]:

@@ -44,9 +44,9 @@ AXES_OF: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("box", "ellipsoid"), AXES),
     "sphere": (),
 }
-FACES_OF: Mapping[str, tuple[str, ...]] = {"box": AXES, "cylinder": ("z",), "cone": ("z",), "extrude": ("z",)}
+FACES_OF: Mapping[str, tuple[str, ...]] = {"box": AXES, "cylinder": ("z",), "cone": ("z",), "extrude": ("z",), "drafted": ("z",)}
 # Sizes that constraints can speak of: lengths, so that the angle of a turned outline is none.
-LENGTHS_OF: Mapping[str, tuple[str, ...]] = {**SIZE_NAMES, "revolve": ()}
+LENGTHS_OF: Mapping[str, tuple[str, ...]] = {**SIZE_NAMES, "revolve": (), "drafted": ("h",)}
 _REF = re.compile(r"(world|\d{1,9})(?:\.([a-z+-][a-z_]*))?")
 
 

@@ -8,6 +8,7 @@ primitive           names of its faces
 box                 ``+x``, ``-x``, ``+y``, ``-y``, ``+z``, ``-z``
 cylinder, cone      ``+z``, ``-z`` and ``side``
 extrude             ``+z``, ``-z`` and, for curve k of loop i, ``wall[i][k]``; none for an ellipse
+drafted             as extrude
 revolve             for curve k of loop i ``wall[i][k]``; none for an ellipse
 sphere, torus, ...  ``side``
 ==================  ==========================================================================================
@@ -35,7 +36,7 @@ SIZES_OF: Mapping[str, tuple[str, ...]] = {"fillet": ("radius",), "chamfer": ("d
 
 _FACE = re.compile(r"(\d{1,9})\.([+-][xyz]|side|wall\[\d{1,4}\]\[\d{1,4}\])")
 _WALL = re.compile(r"wall\[(\d+)\]\[(\d+)\]")
-_PLANES = {"box": "xyz", "cylinder": "z", "cone": "z", "extrude": "z"}
+_PLANES = {"box": "xyz", "cylinder": "z", "cone": "z", "extrude": "z", "drafted": "z"}
 
 
 EdgeNumber = tuple[int, int]  # of the feature, and of the edge there
@@ -99,12 +100,19 @@ def read_face(text: object) -> Face:
 def wall_curve(leaf: Primitive, name: str) -> Curve | None:
     """The line or arc of an outline that a name like ``wall[0][3]`` means, None where there is none: blends of the walls of ellipses are
     not known."""
-    match = _WALL.fullmatch(name)
-    if match is None or leaf.outline is None:
+    if _WALL.fullmatch(name) is None or leaf.outline is None:
         return None
-    loops, i, k = leaf.outline.loops, int(match[1]), int(match[2])
+    loops, (i, k) = leaf.outline.loops, wall_place(name)
     curve = loop_curves(loops[i])[k] if i < len(loops) and k < len(loops[i]) else None
     return None if isinstance(curve, Ellipse) else curve
+
+
+def wall_place(name: str) -> tuple[int, int]:
+    """Loop and curve that a name like ``wall[0][3]`` means; ValueError for any other."""
+    match = _WALL.fullmatch(name)
+    if match is None:
+        raise ValueError(f"expected a wall like wall[0][3], got {name!r}")
+    return int(match[1]), int(match[2])
 
 
 def faces_of(leaf: Primitive) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from imdim.program.drafting import inset_at_top
 from imdim.program.ellipse import Ellipse
 from imdim.program.motions import euler
 from imdim.program.outline import Loop, Point, Ring, circle_of
@@ -21,6 +22,8 @@ def to_simple(leaf: Primitive) -> Primitive | None:
     loop, *others = leaf.outline.loops
     if others or isinstance(loop, Ellipse):
         return None
+    if leaf.kind == "drafted":
+        return _drafted_circle(leaf, loop)
     if leaf.kind == "extrude":
         return _extruded_circle(leaf, loop) or _extruded_rectangle(leaf, loop)
     return (_turned_circle(leaf, loop) or _turned_rectangle(leaf, loop)) if leaf.size[0] == FULL_TURN else None
@@ -32,6 +35,14 @@ def _extruded_circle(leaf: Primitive, loop: Loop) -> Primitive | None:
         return None
     x, y, radius = circle
     return Primitive("cylinder", (radius, leaf.size[0]), _moved(leaf, (x, y, 0.0)), leaf.rotation)
+
+
+def _drafted_circle(leaf: Primitive, loop: Loop) -> Primitive | None:
+    circle = circle_of(loop)
+    if circle is None:
+        return None
+    x, y, radius = circle
+    return Primitive("cone", (radius, radius - inset_at_top(*leaf.size), leaf.size[0]), _moved(leaf, (x, y, 0.0)), leaf.rotation)
 
 
 def _extruded_rectangle(leaf: Primitive, loop: Ring) -> Primitive | None:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.repeats import Folded, instances
-from imdim.program.tree import SIZE_NAMES, Primitive, Program, envelope, fold, leaves
+from imdim.program.tree import ANGLES, SIZE_NAMES, Primitive, Program, envelope, fold, leaves
 
 _Taken = list[tuple[int, list[int]]]  # leaves with what is taken from them
 _Clipped = list[tuple[int, int, list[int]]]  # leaves with their signs, and with what they are clipped by
@@ -28,6 +28,7 @@ _ADDS: Mapping[str, str] = {
     "ellipsoid": "dome",
     "extrude": "profile",
     "revolve": "turned_part",
+    "drafted": "boss",
 }
 _CUTS: Mapping[str, str] = {
     "box": "pocket",
@@ -38,6 +39,7 @@ _CUTS: Mapping[str, str] = {
     "ellipsoid": "hollow",
     "extrude": "cutout",
     "revolve": "recess",
+    "drafted": "pocket",
 }
 _SIZES: Mapping[str, tuple[str, ...]] = {
     "box": ("length", "width", "height"),
@@ -48,6 +50,7 @@ _SIZES: Mapping[str, tuple[str, ...]] = {
     "ellipsoid": ("x_radius", "y_radius", "z_radius"),
     "extrude": ("height",),
     "revolve": ("angle",),
+    "drafted": ("height", "draft_angle"),
 }
 
 
@@ -115,7 +118,7 @@ def roles_of(program: Program) -> list[str]:
 
 
 def _role(number: int, p: Primitive, sign: int) -> str:
-    if number == 0 and p.kind in ("box", "extrude"):
+    if number == 0 and p.kind in ("box", "extrude", "drafted"):
         thinnest, across, _ = sorted(envelope(p).size)
         return "plate" if thinnest < FLAT * across and (p.kind == "box" or p.size[0] == thinnest) else "body"
     if number == 0 and p.kind == "cylinder":
@@ -125,7 +128,8 @@ def _role(number: int, p: Primitive, sign: int) -> str:
 
 def size_word(p: Primitive, column: int, sign: int, label: str) -> str:
     """What size number `column` of a leaf is called."""
-    if label.startswith("plate") and column == p.size.index(min(p.size)):
+    lengths = [size for name, size in zip(SIZE_NAMES[p.kind], p.size, strict=True) if name not in ANGLES]
+    if label.startswith("plate") and column == lengths.index(min(lengths)):
         return "thickness"
     word = _SIZES[p.kind][column]
     return "depth" if word == "height" and sign < 0 and p.kind != "box" else word

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
+from imdim.program.drafting import foot_of, inset_at_top, shrink
 from imdim.program.outline import Outline
 
 Op = Literal["union", "intersection", "difference"]
@@ -22,7 +23,8 @@ T = TypeVar("T")
 
 OPS: tuple[Op, ...] = ("union", "intersection", "difference")
 
-# Full edge lengths for a box, semi-axes for an ellipsoid, full heights for cylinder, cone and extrusion, degrees for a turned outline.
+# Full edge lengths for a box, semi-axes for an ellipsoid, full heights for cylinder, cone and extrusions, degrees for a turned outline and
+# for the angle by which the walls of a drafted one lean inward.
 SIZE_NAMES: Mapping[str, tuple[str, ...]] = {
     "box": ("sx", "sy", "sz"),
     "sphere": ("r",),
@@ -32,14 +34,21 @@ SIZE_NAMES: Mapping[str, tuple[str, ...]] = {
     "ellipsoid": ("rx", "ry", "rz"),
     "extrude": ("h",),
     "revolve": ("angle",),
+    "drafted": ("h", "draft"),
 }
 KINDS: tuple[str, ...] = tuple(SIZE_NAMES)
-OUTLINED = ("extrude", "revolve")  # drawn from an outline
+OUTLINED = ("extrude", "revolve", "drafted")  # drawn from an outline
 SIMPLE: tuple[str, ...] = tuple(kind for kind in KINDS if kind not in OUTLINED)  # the six that numbers alone describe
+ACROSS = ("extrude", "drafted")  # whose outline lies across their axis, and does not turn about it
+ANGLED = ("revolve", "drafted")  # whose last size is an angle, in degrees
+ANGLES = ("angle", "draft")  # the sizes that are degrees
 PRISMS = ("box", "cylinder", "extrude")  # which keep their section from end to end
 # The local axes across which a kind has two plane ends, each with the place in `size` of the length between them.
 FLAT_ENDS: Mapping[str, Mapping[int, int]] = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {2: 1}, "cone": {2: 2}, "extrude": {2: 0}}
+# Also of what is another solid with an end elsewhere: where the foot of a drafted outline moves, so does what is drawn there.
+PLANE_ENDS: Mapping[str, Mapping[int, int]] = {**FLAT_ENDS, "drafted": {2: 0}}
 FULL_TURN = 360.0
+UPRIGHT_TO_FLAT = 90.0  # degrees
 ROUNDING = 1e-12  # of the radius, by which an arc that ends on the axis may seem to cross it
 
 
@@ -58,6 +67,8 @@ def check_size(kind: str, size: tuple[float, ...]) -> None:
         raise ValueError(f"cone needs one positive radius, got {size}")
     if kind == "torus" and size[1] > size[0]:
         raise ValueError(f"torus needs r_minor <= r_major, got {size}")
+    if kind == "drafted" and size[1] >= UPRIGHT_TO_FLAT:
+        raise ValueError(f"drafted needs a draft below {UPRIGHT_TO_FLAT:g} degrees, got {size[1]}")
     if kind == "revolve" and size[0] > FULL_TURN:
         raise ValueError(f"revolve needs an angle of at most {FULL_TURN:g}, got {size[0]}")
 
@@ -69,6 +80,8 @@ class Primitive:
     The OUTLINED kinds have an `outline`. An extrusion's lies in the local xy plane and is swept from -h/2 to h/2 along local z; a turned
     one's lies in the half plane (x >= 0, z) and is turned about local z, from the x axis counter-clockwise. The bounding box of an
     outline is best kept about the origin (for a turned one about z = 0): it is then as small as the box that the solid is taken to fill.
+    A drafted one is an extrusion whose outline is that at -h/2, and whose walls lean inward by `draft` degrees on the way up;
+    its loops are kept with what is inside on their left.
     """
 
     kind: str
@@ -85,6 +98,9 @@ class Primitive:
             low, high = self.outline.bounds
             if low[0] < -ROUNDING * high[0]:
                 raise ValueError(f"revolve needs an outline at x >= 0, got one that crosses its axis to x = {low[0]:g}")
+        if self.kind == "drafted" and self.outline is not None:
+            object.__setattr__(self, "outline", foot_of(self.outline))
+            shrink(self.outline, inset_at_top(*self.size))
         for name, values in (("center", self.center), ("rotation", self.rotation)):
             if len(values) != 3 or not all(math.isfinite(v) for v in values):
                 raise ValueError(f"{self.kind} needs three finite numbers as {name}, got {values}")
@@ -165,7 +181,7 @@ def _same(one: Program, other: Program) -> bool:
 
 def map_lengths(leaf: Primitive, change: Callable[[float], float], center: Vec3) -> Primitive:
     """A leaf at `center` with all its lengths changed by one factor."""
-    size = leaf.size if leaf.kind == "revolve" else tuple(map(change, leaf.size))
+    size = tuple(s if name in ANGLES else change(s) for name, s in zip(SIZE_NAMES[leaf.kind], leaf.size, strict=True))
     return Primitive(leaf.kind, size, center, leaf.rotation, leaf.outline and leaf.outline.map_lengths(change))
 
 
@@ -175,9 +191,15 @@ def envelope(leaf: Primitive) -> Primitive:
         return leaf
     (left, low), (right, high) = leaf.outline.bounds
     across, reach = 2 * max(-left, right), 2 * max(-low, high)
-    if leaf.kind == "extrude":
+    if leaf.kind != "revolve":
         return Primitive("box", (across, reach, leaf.size[0]), leaf.center, leaf.rotation)
     return Primitive("cylinder", (across / 2, reach), leaf.center, leaf.rotation)
+
+
+def top_of(leaf: Primitive) -> Outline:
+    """The outline at the upper end of an extruded leaf, drafted or not."""
+    assert leaf.outline is not None
+    return shrink(leaf.outline, inset_at_top(*leaf.size)) if leaf.kind == "drafted" else leaf.outline
 
 
 def longest(parts: Iterable[Primitive]) -> float:

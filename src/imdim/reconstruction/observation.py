@@ -214,9 +214,10 @@ def observe(
     cells = compress_samples(arrangement, samples)
     if not (cells.gain > 0).any():
         raise UnseenError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells", cut)
-    families = Families(
-        arrangement, cells, PricedPlanes(find_planes(arrangement), curve * size_weight * cells.volume) if outlines else NO_PLANES
-    )
+    # what noise tilts would all lean
+    exact = unit.mesh is not None and not noise.blurs
+    planes = PricedPlanes(find_planes(arrangement, drafted=exact), curve * size_weight * cells.volume) if outlines else NO_PLANES
+    families = Families(arrangement, cells, planes)
     return Observation(unit, noise, patches, samples, families, size_weight, curve, label, cut)
 
 

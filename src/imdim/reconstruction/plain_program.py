@@ -25,7 +25,7 @@ from imdim.program.patterns.weigh import take_first_copies
 from imdim.program.regular_polygon import RegularPolygon, regular_of
 from imdim.program.rewrite.cells import count_runs
 from imdim.program.roles import signs
-from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves
+from imdim.program.tree import ACROSS, PLANE_ENDS, Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import COARSE, is_same
 
@@ -256,17 +256,17 @@ def _numbers(program: Program, middle: np.ndarray, half: np.ndarray, slack: floa
 
 def face_levels(leaf: Primitive, at: np.ndarray) -> Iterator[tuple[int, float]]:
     """The axes of a leaf's plane faces, and where these are on them."""
-    for axis, column in FLAT_ENDS.get(leaf.kind, {}).items():
+    for axis, column in PLANE_ENDS.get(leaf.kind, {}).items():
         yield from ((axis, float(at[axis]) + side * leaf.size[column] / 2) for side in (-1, 1))
 
 
 def place_numbers(leaf: Primitive, at: np.ndarray) -> Iterator[float]:
     """Radii, vertices, and where a leaf's axis or middle is."""
     x, y, z = map(float, at)
-    if leaf.kind == "extrude":
+    if leaf.kind in ACROSS:
         assert leaf.outline is not None
         yield from (v for u, w in _places(leaf.outline) for v in (x + u, y + w))
-        yield from _radii(leaf.outline)
+        yield from (*_radii(leaf.outline), *leaf.size[1:])
     elif leaf.kind == "revolve":
         assert leaf.outline is not None
         yield from (x, y, *(v for r, h in _places(leaf.outline) for v in (r, z + h)), *_radii(leaf.outline))

@@ -17,7 +17,7 @@ from imdim.geometry.lowering import Lowered
 from imdim.geometry.pose import radii
 from imdim.numbers.face_coordinates import move_limited, step_maps
 from imdim.numbers.measured import MAD
-from imdim.program.tree import FLAT_ENDS, Primitive
+from imdim.program.tree import PLANE_ENDS, Primitive
 
 EDGE = 2.0  # standard deviations of the noise
 SMOOTH = 0.9  # cosine between normals of one smooth face, that far apart
@@ -112,7 +112,7 @@ def by_faces(parts: Sequence[Primitive]) -> Normal:
     """A metric in which the moves of plane faces weigh alike: who moves one end of a part by the shortest way leaves the other end."""
     metric = uniform(len(parts))
     for matrix, part in zip(metric.matrix, parts, strict=True):
-        for axis, column in FLAT_ENDS.get(part.kind, {}).items():
+        for axis, column in PLANE_ENDS.get(part.kind, {}).items():
             matrix[column, column] = 0.5
             matrix[3 + axis, 3 + axis] += 1.0
     return replace(metric, matrix=MANY * metric.matrix)

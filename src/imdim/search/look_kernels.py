@@ -28,7 +28,7 @@ class Groups(NamedTuple):
     `slots` [g - 1, m] has the slot of each cell in all but the first, of whose cells c those are `listed[starts[c]:starts[c + 1]]`; in a
     row of the slots of all groups theirs begin at `firsts` [g + 1]. `ends` [f + 1] of the slabs of each curved family. The `places` [s, 3]
     of all slots of box frames, and the `shapes` [b, 3] of their grids. The numbers of faces and levels of each plane, `sizes` [p, 2], and
-    their segments one plane after the other, each of its arrays in `graph` beginning at `graph_firsts` [p + 1, 8].
+    their segments one plane after the other, each of its arrays in `graph` beginning at `graph_firsts` [p + 1, 9].
     """
 
     slots: np.ndarray
@@ -312,6 +312,7 @@ def _graph_of(groups, plane):
         graph.length[a[5] : b[5]],
         graph.ends[a[6] : b[6]],
         graph.segments[a[7] : b[7]],
+        graph.sides[a[8] : b[8]],
     )
 
 

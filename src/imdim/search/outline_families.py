@@ -21,12 +21,13 @@ from imdim.program.cost import DRAWN, FREE_CURVES, count_charged_curves
 from imdim.program.outline import Outline
 from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
-from imdim.search.arrangement import ORTHOGONAL, Arrangement
+from imdim.search.arrangement import ORTHOGONAL, Arrangement, span_along
 from imdim.search.cells import Cells
+from imdim.search.drafted_planes import DraftedPlane, draft_leaf, find_drafted_planes
 from imdim.search.group_sums import Slots
 from imdim.search.outline_drawing import draw_outline
 from imdim.search.outline_kernels import offer_outlines, sum_below
-from imdim.search.outline_plane import OutlinePlane, Walls, make_plane
+from imdim.search.outline_plane import OutlinePlane, Walls, corners_of, frame_across, make_plane, window_across
 from imdim.search.outline_region import best_region, count_curves
 
 PAID = (FREE_CURVES, DRAWN)  # how many curves of an outline are free, and what is charged at least
@@ -50,9 +51,11 @@ class PricedPlanes:
 NO_PLANES = PricedPlanes((), 0.0)
 
 
-def find_planes(arrangement: Arrangement) -> tuple[OutlinePlane, ...]:
-    """Planes across directions with three walls or more along them, and half planes about axes with several surfaces about them."""
-    found = [*_extruded(arrangement), *_turned(arrangement)]
+def find_planes(arrangement: Arrangement, drafted: bool = True) -> tuple[OutlinePlane, ...]:
+    """Planes across directions with three walls or more along them, or, `drafted`, that lean to them alike, and half planes about axes with
+    several surfaces about them."""
+    leaning = find_drafted_planes(arrangement, MOST_WALLS) if drafted else ()
+    found = [*_extruded(arrangement), *leaning, *_turned(arrangement)]
     return tuple(plane for plane in found if plane is not None and plane.faces)
 
 
@@ -64,7 +67,7 @@ def _extruded(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
             continue
         if count > MOST_WALLS:
             lines, rounds, ovals = _largest(arrangement, lines, rounds, ovals)
-        frame = _frame_across(direction.vector, arrangement.directions[across[0]].vector)
+        frame = frame_across(direction.vector, arrangement.directions[across[0]].vector)
         walls = _walls_across(arrangement, frame[:, :2], lines, rounds)
         yield make_plane("extrude", a, np.zeros(3), frame, _add_ovals(walls, arrangement, frame[:, :2], ovals))
 
@@ -108,8 +111,7 @@ def _walls_across(arrangement: Arrangement, axes: np.ndarray, lines: Sequence[tu
     offsets = np.array([arrangement.directions[b].offsets[k] for b, k in lines])
     centers = np.array([np.asarray(arrangement.curved[c].point) @ axes for c in rounds]).reshape(-1, 2)
     radii = np.array([arrangement.curved[c].sizes[0] for c in rounds])
-    corners = _corners(arrangement.bounds) @ axes
-    return Walls(normals, offsets, centers, radii, np.stack([corners.min(0), corners.max(0)]), (*lines, *((c, None) for c in rounds)))
+    return Walls(normals, offsets, centers, radii, window_across(arrangement.bounds, axes), (*lines, *((c, None) for c in rounds)))
 
 
 def _add_ovals(walls: Walls, arrangement: Arrangement, axes: np.ndarray, ovals: Sequence[int]) -> Walls:
@@ -149,7 +151,7 @@ def _comes_near(walls: Walls, ring: np.ndarray) -> bool:
 def _turned(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
     for a, foot, members in _axes(arrangement):
         along = arrangement.directions[a].vector
-        u = _frame_across(along, np.eye(3)[np.argmin(np.abs(along))])[:, 0]
+        u = frame_across(along, np.eye(3)[np.argmin(np.abs(along))])[:, 0]
         walls = _walls_about(arrangement, a, foot, members)
         yield make_plane("revolve", a, foot, np.stack([u, along, np.cross(u, along)], axis=1), walls)
 
@@ -165,7 +167,7 @@ def _walls_about(arrangement: Arrangement, a: int, foot: np.ndarray, members: Se
     lines += [_line_about(arrangement.curved[c], direction.vector) for c in straight]
     middles = [np.asarray(arrangement.curved[c].point) @ direction.vector for c in bent]
     centers = [(sum(arrangement.curved[c].sizes[:-1]), height) for c, height in zip(bent, middles, strict=True)]
-    corners = _corners(arrangement.bounds) - foot
+    corners = corners_of(arrangement.bounds) - foot
     heights = corners @ direction.vector
     reach = np.sqrt(np.maximum((corners**2).sum(1) - heights**2, 0)).max()
     table = np.array(lines).reshape(-1, 3)
@@ -214,20 +216,6 @@ def _axes(arrangement: Arrangement) -> Iterator[tuple[int, np.ndarray, list[int]
             yield a, foot, sorted(members)
 
 
-def _corners(box: np.ndarray) -> np.ndarray:
-    return np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-
-
-def _frame_across(along: np.ndarray, guide: np.ndarray) -> np.ndarray:
-    """Columns (u, v, along), right-handed; along the coordinate axes where `along` is one of them."""
-    if np.abs(along).max() > 1 - 1e-12 and along.max() > 0:
-        lead = int(np.argmax(along))
-        return np.eye(3)[:, [(lead + 1) % 3, (lead + 2) % 3, lead]]
-    u = guide - (guide @ along) * along
-    u /= np.linalg.norm(u)
-    return np.stack([u, np.cross(along, u), along], axis=1)
-
-
 def find_faces(planes: Sequence[OutlinePlane], cells: Cells) -> list[np.ndarray]:
     """The face [m] of each cell in each plane."""
     return [plane.faces_of(cells) for plane in planes]
@@ -244,7 +232,7 @@ class OutlineCells:
         self._outlines: dict[tuple[int, bytes], Outline] = {}
         self._costs: dict[tuple[int, bytes], float] = {}
         self.faces = find_faces(self.planes, cells) if faces is None else faces
-        self._slabs = [cells.slabs[:, p.direction] if p.kind == "extrude" else np.zeros(len(cells.points), np.int16) for p in self.planes]
+        self._slabs = [cells.slabs[:, p.direction] if p.kind != "revolve" else np.zeros(len(cells.points), np.int16) for p in self.planes]
 
     @cached_property
     def slots(self) -> list[Slots]:
@@ -269,23 +257,26 @@ class OutlineCells:
 
     def first_drawable(self, index: int, wins: np.ndarray, levels: tuple[int, int], faces: np.ndarray) -> Drawn | None:
         """The first of some outlines of a plane, each with what it wins and its faces [n, f], that can be drawn."""
-        ranges = (levels,) if self.planes[index].kind == "extrude" else ()
+        ranges = (levels,) if self.planes[index].kind != "revolve" else ()
         for won, inside in zip(wins.tolist(), faces, strict=False):
             packed = np.packbits(inside).tobytes()
-            if self._is_drawable(index, packed):
+            if self._is_drawable(index, ranges, packed):
                 return won, ranges, packed
         return None
 
-    def _is_drawable(self, index: int, faces: bytes) -> bool:
-        """Whether the boundary of a region crosses nothing: a few regions among walls that nearly coincide have none that does not."""
+    def _is_drawable(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes) -> bool:
+        """Whether the boundary of a region crosses nothing: a few regions among walls that nearly coincide have none that does not. Walls
+        that lean have to do so all one way, and not to meet between the levels."""
         try:
             self._outline(index, faces)
+            if isinstance(self.planes[index], DraftedPlane):
+                self.primitive(index, ranges, faces)
         except ValueError:
             return False
         return True
 
     def _levels(self, plane: OutlinePlane) -> int:
-        return len(self.arrangement.directions[plane.direction].offsets) if plane.kind == "extrude" else 2
+        return len(self.arrangement.directions[plane.direction].offsets) if plane.kind != "revolve" else 2
 
     def widen(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes, matters: np.ndarray) -> bytes:
         """The faces of an outline with others on which no cell between the levels `matters` [m], where that takes no more curves: what is
@@ -301,7 +292,7 @@ class OutlineCells:
         if region is None or (region.inside != inside)[~harmless].any() or region.curves > count_curves(plane, inside):
             return faces
         wider = np.packbits(region.inside).tobytes()
-        return wider if self._is_drawable(index, wider) else faces
+        return wider if self._is_drawable(index, ranges, wider) else faces
 
     def mask(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes) -> np.ndarray:
         """The cells [m] of an outline between two levels."""
@@ -338,6 +329,11 @@ class OutlineCells:
             return to_simple(leaf) or leaf
         offsets = self.arrangement.directions[plane.direction].offsets
         bottom, top = float(offsets[ranges[0][0]]), float(offsets[ranges[0][1]])
+        if isinstance(plane, DraftedPlane):
+            # drawn where the part ends, not beyond: an opening is as wide as it is there
+            low, high = span_along(self.arrangement.part, plane.frame[:, 2])
+            leaf = draft_leaf(plane, outline, self._unpack(index, faces), max(bottom, low), min(top, high))
+            return to_simple(leaf) or leaf
         center = plane.frame @ np.array([x, y, (bottom + top) / 2])
         leaf = Primitive("extrude", (top - bottom,), vec(center), euler_from_matrix(plane.frame), outline.shift(-x, -y))
         return to_simple(leaf) or leaf

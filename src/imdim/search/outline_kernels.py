@@ -20,6 +20,7 @@ NO_FLOW = 1e-9  # of the gains' sum: an arc with less room is full
 WINS = 1e-12  # what a change must win at least
 EVEN = 1e-12  # of the largest bound, that tells apart what is even
 SHORT = 1e-300  # no length, yet more than none
+LEFT, RIGHT, NEITHER = 1, -1, 0
 PAIRS = 3  # of levels between which the region is looked for, at most
 
 
@@ -27,7 +28,8 @@ class Graph(NamedTuple):
     """Segments in order, those of a wall together.
 
     `starts` [w + 1] of each wall, whether its curves are `free` [w]; of each segment the `wall` [s], the `nodes` [s, 2], the `faces` [s, 2]
-    and the `length` [s]; `ends` [f + 2] and `segments` list the segments about each face.
+    and the `length` [s]; `ends` [f + 2] and `segments` list the segments about each face. `sides` [s], where there are any, say on which
+    side of a segment what it bounds may lie: LEFT, RIGHT or NEITHER.
     """
 
     starts: np.ndarray
@@ -38,6 +40,7 @@ class Graph(NamedTuple):
     length: np.ndarray
     ends: np.ndarray
     segments: np.ndarray
+    sides: np.ndarray
 
 
 @njit(nogil=True, cache=True)
@@ -145,9 +148,43 @@ def _fill_offer(wins, offers, row, won, inside):
 def _price_region(graph, gains, price, paid, thorough):
     """What the best region wins by `gains` [f] less what its curves cost, -inf where there is none, and the region [f + 1]."""
     inside, won = find_region(graph, gains, price, thorough)
+    if len(graph.sides):
+        inside = _keep_sides(graph, gains, inside)
     if won <= 0 or not mend_region(graph, gains, inside):
         return -np.inf, inside
     return _sum_inside(inside, gains) - price * max(count_runs(graph, inside) - paid[0], paid[1]), inside
+
+
+@njit(nogil=True, cache=True)
+def _keep_sides(graph, gains, inside):
+    """The region with all faces more that it takes, or else less, for it to lie on the right side of all its boundary: of both that which
+    wins more."""
+    best, most = np.zeros(len(inside), np.bool_), -np.inf
+    for adds in (True, False):
+        region = inside.copy()
+        if _close_region(graph, region, adds):
+            won = _sum_inside(region, gains)
+            if won > most:
+                best, most = region, won
+    return best
+
+
+@njit(nogil=True, cache=True)
+def _close_region(graph, region, adds):
+    """Add faces to a region, or take some away, until it lies on the right side of all its boundary; whether that ends."""
+    outside, changed = len(region) - 1, True
+    while changed:
+        changed = False
+        for s in range(len(graph.length)):
+            left, right, side = graph.faces[s, 0], graph.faces[s, 1], graph.sides[s]
+            if region[left] == region[right] or side == (LEFT if region[left] else RIGHT):
+                continue
+            within, beyond = (left, right) if region[left] else (right, left)
+            if adds and beyond == outside:
+                return False
+            region[beyond if adds else within] = adds
+            changed = True
+    return True
 
 
 @njit(nogil=True, cache=True)

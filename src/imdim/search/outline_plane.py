@@ -32,7 +32,8 @@ WINDOW = -1  # the wall of segments on the edge of what is searched
 OUTSIDE = -1  # the face there
 AXIS = WINDOW  # the window's left edge, which is the axis of what is turned
 _NONE, _NO_PAIRS = np.empty(0, np.int64), np.empty((0, 2), np.int64)
-NO_SEGMENTS = Graph(_NONE, np.empty(0, bool), _NONE, _NO_PAIRS, _NO_PAIRS, np.empty(0), _NONE, _NONE)
+ANY_SIDE = np.empty(0, np.int8)
+NO_SEGMENTS = Graph(_NONE, np.empty(0, bool), _NONE, _NO_PAIRS, _NO_PAIRS, np.empty(0), _NONE, _NONE, ANY_SIDE)
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Segments:
 class OutlinePlane:
     """A plane arrangement: `frame` [3, 3] has the columns (u, v, normal), `origin` [3] is where (0, 0) lies.
 
-    An extrusion's normal is along `direction`; of a turned outline u is the radius, v the height along it.
+    An extrusion's normal, drafted or not, is along `direction`; of a turned outline u is the radius, v the height along it.
     """
 
     kind: str
@@ -124,7 +125,12 @@ class OutlinePlane:
         ends = np.searchsorted(faces.reshape(-1)[order], np.arange(self.faces + 2))
         of_segment = np.cumsum(np.append(False, wall[1:] != wall[:-1]))
         starts = np.append(starts, len(wall))
-        return Graph(starts, free, of_segment, self.segments.nodes, faces, self.segments.length, ends, order // 2)
+        return Graph(starts, free, of_segment, self.segments.nodes, faces, self.segments.length, ends, order // 2, self.sides)
+
+    @property
+    def sides(self) -> np.ndarray:
+        """On which side of each segment [s] what it bounds has to lie; nothing for walls that bound what is on either."""
+        return ANY_SIDE
 
     @cached_property
     def _met(self) -> dict[tuple[int, int], list[np.ndarray]]:
@@ -147,14 +153,15 @@ class OutlinePlane:
     def project(self, points: np.ndarray) -> np.ndarray:
         """Points [n, 3] in the plane [n, 2], turned into the half plane about an axis."""
         away = points - self.origin
-        if self.kind == "extrude":
+        if self.kind != "revolve":
             return away @ self.frame[:, :2]
         height = away @ self.frame[:, 1]
         return np.stack([lengths(away - height[:, None] * self.frame[:, 1]), height], axis=1)
 
     def faces_of(self, cells: Cells) -> np.ndarray:
         """The face [m] of each cell: of a sliver that tangents and merged crossings leave no room for, the face that fewest walls part it
-        from, OUTSIDE where these are more than one; of a cell whose code several faces have, the face that holds its point."""
+        from, OUTSIDE where these are more than one; of a cell whose code several faces have, the face that holds its point, or where
+        walls lean the nearest."""
         packed = _pack(self.walls.sides_of(cells))
         one_of, member = group_rows(packed.view(np.uint64).reshape(len(packed), packed.itemsize // 8))
         codes = packed[one_of]
@@ -167,9 +174,34 @@ class OutlinePlane:
         for code in np.flatnonzero(last - first > 1).tolist():
             which = np.flatnonzero(member == code)
             points = self.project(cells.points[which])
+            if self.kind == "drafted":  # at other levels a face lies a little beside where it is drawn
+                away = [_distances(self.polygons[f], points) for f in range(first[code], last[code])]
+                out[which] = first[code] + np.argmin(away, axis=0)
+                continue
             for f in range(first[code], last[code]):
                 out[which[_holds(self.polygons[f], points)]] = f
         return out
+
+
+def frame_across(along: np.ndarray, guide: np.ndarray) -> np.ndarray:
+    """Columns (u, v, along), right-handed; along the coordinate axes where `along` is one of them."""
+    if np.abs(along).max() > 1 - 1e-12 and along.max() > 0:
+        lead = int(np.argmax(along))
+        return np.eye(3)[:, [(lead + 1) % 3, (lead + 2) % 3, lead]]
+    u = guide - (guide @ along) * along
+    u /= np.linalg.norm(u)
+    return np.stack([u, np.cross(along, u), along], axis=1)
+
+
+def corners_of(box: np.ndarray) -> np.ndarray:
+    """The eight corners [8, 3] of a box [2, 3]."""
+    return np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+
+
+def window_across(box: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Low and high corner [2, 2] of a box [2, 3] as seen along what is across two `axes` [3, 2]."""
+    corners = corners_of(box) @ axes
+    return np.stack([corners.min(0), corners.max(0)])
 
 
 def pack_graphs(planes: Sequence[OutlinePlane]) -> tuple[Graph, np.ndarray]:
@@ -446,6 +478,15 @@ def _signed_area(edges: np.ndarray) -> float:
     """Area of a polygon of edges [e, 2, 2], positive where it runs counter-clockwise."""
     (ax, ay), (bx, by) = edges[:, 0].T, edges[:, 1].T
     return float((ax * by - bx * ay).sum()) / 2
+
+
+def _distances(edges: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """How far points [n, 2] are from a polygon of `edges` [e, 2, 2]; 0 for those that it holds."""
+    start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
+    off = points[:, None] - start
+    share = np.clip((off * along).sum(-1) / np.maximum((along * along).sum(-1), 1e-300), 0.0, 1.0)
+    away = np.linalg.norm(off - share[..., None] * along, axis=-1).min(1)
+    return np.where(_holds(edges, points), 0.0, away)
 
 
 def _holds(edges: np.ndarray, points: np.ndarray) -> np.ndarray:

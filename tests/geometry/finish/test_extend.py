@@ -22,12 +22,14 @@ SIZES = {
     "ellipsoid": (1.0, 2.0, 3.0),
     "extrude": (2.0,),
     "revolve": (360.0,),
+    "drafted": (2.0, 5.0),
 }
 OUTLINE = Outline((((0.2, -1.0, 0.0), (1.0, -1.0, 0.4), (0.8, 1.0, 0.0), (0.2, 1.0, -0.3)), circle(0.1, 0.8)))
 
 
 def sized(kind, center=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0)):
-    return Primitive(kind, SIZES[kind], center, rotation, OUTLINE if kind in OUTLINED else None)
+    outlines = dict.fromkeys(OUTLINED, OUTLINE) | {"drafted": Outline((circle(2.0),))}
+    return Primitive(kind, SIZES[kind], center, rotation, outlines.get(kind))
 
 
 FACED = [sized(kind, (1.0, 2.0, 3.0), TILT) for kind in ("box", "cylinder", "cone", "extrude")]
@@ -36,6 +38,24 @@ FACED = [sized(kind, (1.0, 2.0, 3.0), TILT) for kind in ("box", "cylinder", "con
 @pytest.mark.parametrize("kind", KINDS)
 def test_plane_faces_are_counted(kind):
     assert len(list(plane_faces(sized(kind)))) == {"box": 6, "cylinder": 2, "cone": 2, "extrude": 2}.get(kind, 0)
+
+
+def test_walls_with_a_draft_keep_their_slope():
+    square = ((-2.0, -2.0, 0.0), (2.0, -2.0, 0.0), (2.0, 2.0, 0.0), (-2.0, 2.0, 0.0))
+    leaf = Primitive("drafted", (2.0, 45.0 / 2), outline=Outline((square,)))
+    whole = to_manifold(leaf)
+    lower = between(leaf, (2, 1), -2.0, -0.5)
+    assert lower.outline == leaf.outline
+    assert lower.size == (1.5, 22.5)
+    upper = between(leaf, (2, -1), -2.0, -0.5)
+    assert upper.center == (0.0, 0.0, 0.25)
+    assert (to_manifold(upper) - whole).volume() < 1e-9
+    assert to_manifold(lower).volume() + to_manifold(upper).volume() > whole.volume()
+    deeper = between(leaf, (2, -1), -2.0, 0.5)
+    assert deeper.center == (0.0, 0.0, -0.25)
+    assert (whole - to_manifold(deeper)).volume() < 1e-9
+    with pytest.raises(ValueError, match="vanishes"):
+        between(leaf, (2, 1), -2.0, 9.0)
 
 
 def test_an_apex_is_no_face():

@@ -7,6 +7,7 @@ from tests.drawn import BRACKET, PULLEY, centred
 
 from imdim.geometry.kernels import leaf_table
 from imdim.geometry.lowering import Outlines, pack
+from imdim.program.outline import Outline, rectangle
 from imdim.program.tree import OUTLINED, SIMPLE, Primitive, map_lengths
 from imdim.search.bits import pack_words, unpack_words
 from imdim.search.front.leaf_cache import LeafCache, Registry
@@ -84,7 +85,8 @@ def test_packing_is_undone_by_unpacking():
 def test_outlines_share_the_table_with_the_others(content):
     points = cloud(np.random.default_rng(6), 1000)
     drawn = [map_lengths(leaf, lambda length: length / 60, (0.1, 0.2, -0.1)) for leaf in (centred(BRACKET, 30.0), PULLEY)]
-    parts = [*some(3), drawn[0], *some(2, seed=1), drawn[1]]
+    drawn.append(Primitive("drafted", (0.5, 6.0), (0.1, 0.2, 0.0), (10.0, 20.0, 30.0), Outline(rectangle(0.9, 0.7).loops)))
+    parts = [*some(3), drawn[0], *some(2, seed=1), *drawn[1:]]
     assert {p.kind for p in drawn} == set(OUTLINED)
     columns = LeafCache(points, content, Registry(), 16)
     if content == "distances":

@@ -380,7 +380,8 @@ class AgentSession:
             Field(
                 description='a node of program.json, such as {"kind": "cylinder", "size": {"r": 3, "h": 20}, "center": [0, 0, 0]}; '
                 "kinds: box sx sy sz, sphere r, cylinder r h, cone r_bottom r_top h, torus r_major r_minor, ellipsoid rx ry rz, "
-                "extrude h and revolve angle, with outline as loops of [x, y] or [x, y, bulge]; rotation is in degrees about x, y, z"
+                "extrude h, revolve angle and drafted h draft (degrees by which walls lean in from the outline at the lower end), with "
+                "outline as loops of [x, y] or [x, y, bulge]; rotation is in degrees about x, y, z"
             ),
         ],
         before_cuts: Annotated[bool, Field(description="join it to what is there before cuts are made, which go through it too")] = False,

@@ -20,7 +20,13 @@ DIGITS = 9  # of a distance
 ROUND = ("cylinder", "sphere")  # whose walls may be tangent
 ALONG = 1e-6  # a cosine: two directions are parallel, or at a right angle
 _ROUND = ("r", "r_bottom")  # sizes by which round things are equal
-_OF_FACE = {"box": {"x": "sx", "y": "sy", "z": "sz"}, "cylinder": {"z": "h"}, "cone": {"z": "h"}, "extrude": {"z": "h"}}
+_OF_FACE = {
+    "box": {"x": "sx", "y": "sy", "z": "sz"},
+    "cylinder": {"z": "h"},
+    "cone": {"z": "h"},
+    "extrude": {"z": "h"},
+    "drafted": {"z": "h"},
+}
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ def _knobs(part: Primitive) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
         case "torus":
             yield "r_major", size[0] * x + size[1] * z, x
             yield "r_minor", (size[0] + size[1]) * x, x
-        case "extrude":
+        case "extrude" | "drafted":
             yield "h", size[0] / 2 * z, z
         case _:
             return

@@ -29,11 +29,13 @@ def draw_outline(part: Primitive, unit: str) -> str:
         f'<path d="{svg_path(part.outline)}" transform="{turned}" vector-effect="non-scaling-stroke" '
         'fill="#d0ebff" fill-rule="evenodd" stroke="#1864ab" stroke-width="1.2"/></svg>'
     )
-    return f"<div {_TEXT}>{picture}{_describe(part.outline, width, height, unit)}</div>"
+    return f"<div {_TEXT}>{picture}{_describe(part, part.outline, width, height, unit)}</div>"
 
 
-def _describe(outline: Outline, width: float, height: float, unit: str) -> str:
+def _describe(part: Primitive, outline: Outline, width: float, height: float, unit: str) -> str:
     lines = [f"{_length(width, unit)} × {_length(height, unit)}, {outline.curve_count} curves"]
+    if part.kind == "drafted":
+        lines.append(f"at the foot; walls lean inward by {part.size[1]:.4g}°")
     radii: list[float] = []
     for radius in sorted(arc_radii(outline)):
         if not radii or radius - radii[-1] > SAME * max(width, height):

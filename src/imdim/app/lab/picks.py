@@ -108,6 +108,8 @@ def _round_wall(part: Primitive, local: np.ndarray, facing: np.ndarray) -> tuple
         is_straight = part.kind != "torus" and abs(facing[2]) < 1 - LEVEL
         return np.zeros(3), (part.size[0] if part.kind == "cylinder" else float(np.hypot(*local[:2]))) if is_straight else None
     assert part.outline is not None
+    if part.kind == "drafted":  # its arcs are cones, of no one radius
+        return None
     return _arc_at(part.outline, local)
 
 

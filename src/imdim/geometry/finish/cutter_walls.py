@@ -73,7 +73,7 @@ def open_films(program: Program, solid: Manifold, deadline: Deadline = NEVER) ->
         if deadline.has_passed():
             break
         program = _open_ends(program, i, judge)
-        if list(leaves(program))[i].outline is not None:
+        if list(leaves(program))[i].kind in ("extrude", "revolve"):
             program = _open_walls(program, i, judge)
     return program
 

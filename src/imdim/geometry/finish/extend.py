@@ -1,4 +1,4 @@
-"""The plane faces of a primitive, and how it is extended past them: a prism keeps its section, a cone its slope."""
+"""The plane faces of a primitive, and how it is extended past them: a prism keeps its section, a cone and drafted walls their slope."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from imdim.geometry.finish.section import extent, inset
 from imdim.geometry.solid import exact_rotation
-from imdim.program.tree import FLAT_ENDS, Primitive
+from imdim.program.drafting import inset_at_top, shrink
+from imdim.program.tree import FLAT_ENDS, PLANE_ENDS, Primitive
 
 SHRINK = 2e-3  # fraction of a radius by which regions are narrower than their face, more than the sagitta at `section.CHECK_SEGMENTS`
 
@@ -33,7 +34,7 @@ def flip_face(face: Face) -> Face:
 
 def length(leaf: Primitive, face: Face) -> float:
     """Size of the leaf across `face`."""
-    return leaf.size[FLAT_ENDS[leaf.kind][face[0]]]
+    return leaf.size[PLANE_ENDS[leaf.kind][face[0]]]
 
 
 def apex(leaf: Primitive, face: Face) -> float:
@@ -45,12 +46,16 @@ def apex(leaf: Primitive, face: Face) -> float:
 def between(leaf: Primitive, face: Face, low: float, high: float) -> Primitive:
     """The part of `leaf`, prolonged past `face`, from `low` to `high` measured outward from that face; a cone keeps its slope.
 
-    A cone ends at its apex at the latest.
+    A cone ends at its apex at the latest. Raises ValueError where walls with a draft meet before.
     """
     axis, side = face
     high = min(high, apex(leaf, face))
     shift = side * (length(leaf, face) + low + high) / 2
     x, y, z = (c + float(d) * shift for c, d in zip(leaf.center, exact_rotation(leaf)[:, axis], strict=True))
+    if leaf.kind == "drafted" and leaf.outline is not None:
+        foot = low + leaf.size[0] if side > 0 else -high
+        drawn = shrink(leaf.outline, inset_at_top(foot, leaf.size[1]))
+        return replace(leaf, size=(high - low, leaf.size[1]), center=(x, y, z), outline=drawn)
     return replace(leaf, size=_size_between(leaf, face, low, high), center=(x, y, z))
 
 

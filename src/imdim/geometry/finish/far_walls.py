@@ -38,7 +38,7 @@ def reach_walls_far(program: Program, folded: Folded | None = None, deadline: De
     size = diagonal([part for part, s in zip(placed, signs(program), strict=True) if s > 0])
     copies = {} if folded is None else copies_of(folded)
     for i, part in enumerate(placed):
-        if part.leaf.outline is not None and len(copies.get(i, (i,))) == 1 and (folded is None or i in copies):
+        if part.leaf.kind in ("extrude", "revolve") and len(copies.get(i, (i,))) == 1 and (folded is None or i in copies):
             for loop, curve in _straight_walls(part.leaf):
                 placed = placed if deadline.has_passed() else _move_out(program, placed, i, loop, curve, size)
     return map_leaves(program, lambda i, _: placed[i].leaf)

@@ -21,9 +21,9 @@ from imdim.geometry.finish.tolerances import ALIGNED, TOUCH
 from imdim.geometry.finish.turned_ends import cut_off, reach_along
 from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, primitive_to_manifold
 from imdim.program.roles import signs
-from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves, longest, replace_leaves
+from imdim.program.tree import PLANE_ENDS, Primitive, Program, leaves, longest, replace_leaves
 
-ENDED = (*FLAT_ENDS, "revolve")  # what has ends along an axis
+ENDED = (*PLANE_ENDS, "revolve")  # what has ends along an axis
 
 
 def draw_back(program: Program, deadline: Deadline = NEVER) -> Program:
@@ -54,7 +54,7 @@ def _free_ends(program: Program, slack: float) -> Iterator[tuple[list[int], Face
             key = (leaf.kind, *(round(v / (100 * slack)) for v in (*leaf.size, *bounds)), *turn)
             rows.setdefault(key, []).append(i)
     for (kind, *_), group in rows.items():  # type: ignore[misc]
-        yield from ((group, (axis, side)) for axis in FLAT_ENDS.get(kind, (2,)) for side in (-1, 1))
+        yield from ((group, (axis, side)) for axis in PLANE_ENDS.get(kind, (2,)) for side in (-1, 1))
 
 
 def _spare_of(leaf: Primitive, face: Face, material: Manifold, slack: float) -> float:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from itertools import islice
 
+from imdim.program.drafting import inset_at_top
 from imdim.program.ellipse import Ellipse, are_near_ellipses
 from imdim.program.motions import Motion, is_round, move_leaf
 from imdim.program.outline import Loop, Outline, Point, Ring, ring_curves
 from imdim.program.rewrite.containment import axes
-from imdim.program.tree import Primitive, Vec3
+from imdim.program.tree import ACROSS, Primitive, Vec3
 from imdim.program.vectors import along, dot, minus
 
 
@@ -22,7 +23,7 @@ def anchor_of(p: Primitive, outline: Outline) -> Vec3:
     or in the middle between the ends."""
     x, y = _mean(outline)
     u, v, w = axes(p)
-    if p.kind == "extrude":
+    if p.kind in ACROSS:
         return along(along(p.center, u, x), v, y)
     at = along(p.center, w, y)
     if is_round(p):
@@ -37,10 +38,12 @@ def _mean(outline: Outline) -> Point:
 
 
 def lengths_of(p: Primitive, outline: Outline) -> tuple[float, ...]:
-    """Lengths that no motion changes: the height or how far the outermost vertex turns, the chords by their length, and semi-axes."""
+    """Lengths that no motion changes: the height or how far the outermost vertex turns, how far walls lean in, the chords by their length,
+    and semi-axes."""
     chords = sorted(math.hypot(u - x, v - y) for ring in outline.rings for x, y, u, v, _ in ring_curves(ring))
     semi_axes = sorted(r for loop in outline.loops if isinstance(loop, Ellipse) for r in sorted((loop.rx, loop.ry)))
-    return (_length_along(p, outline), *chords, *semi_axes)
+    insets = [inset_at_top(*p.size)] if p.kind == "drafted" else []
+    return (_length_along(p, outline), *insets, *chords, *semi_axes)
 
 
 def _length_along(p: Primitive, outline: Outline) -> float:
@@ -62,6 +65,8 @@ def is_outlined_moved(a: Primitive, b: Primitive, motion: Motion, tolerance: flo
     assert b.outline is not None
     if not _agrees(_length_along(moved, moved.outline), _length_along(b, b.outline), tolerance):
         return False
+    if a.kind == "drafted" and not _agrees(inset_at_top(*a.size), inset_at_top(*b.size), tolerance):
+        return False
     loops = _turned_loops(moved, b, tolerance) if b.kind == "revolve" else _extruded_loops(moved, b, tolerance)
     return loops is not None and _same_loops(loops, b.outline.loops, tolerance)
 
@@ -71,7 +76,7 @@ def _agrees(a: float, b: float, tolerance: float) -> bool:
 
 
 def _extruded_loops(a: Primitive, b: Primitive, tolerance: float) -> list[Loop] | None:
-    """The loops of `a` in the plane of `b`; None where that is another plane."""
+    """The loops of `a` in the plane of `b`; None where that is another plane, or walls would lean the other way."""
     assert a.outline is not None
     (u, v, w), (x, y, z) = axes(a), axes(b)
     facing = math.copysign(1.0, dot(w, z))
@@ -83,7 +88,7 @@ def _extruded_loops(a: Primitive, b: Primitive, tolerance: float) -> list[Loop] 
 
     ends = [place(e.x + c * e.rx, e.y + s * e.rx) for e in a.outline.loops if isinstance(e, Ellipse) for c, s in (e.along,)]
     vertices = [place(p, q) for ring in a.outline.rings for p, q, _ in ring]
-    if max(abs(height) for _, _, height in (*vertices, *ends)) > tolerance:
+    if max(abs(height) for _, _, height in (*vertices, *ends)) > tolerance or (facing < 0 and a.kind == "drafted"):
         return None
     placed = iter(vertices)
 

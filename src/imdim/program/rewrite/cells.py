@@ -310,7 +310,7 @@ def _close_a_ring(outlines: list[Outline], slack: float) -> bool:
 def _drawn_cells(terms: Steps, slack: float) -> Iterator[Steps]:
     """The terms with each of the equal areas of an outline, four or more, as a leaf of its own."""
     for i, (op, part) in enumerate(terms):
-        if not isinstance(part, Primitive) or part.outline is None or len(part.outline.loops) < FEWEST_BARS:
+        if not isinstance(part, Primitive) or part.outline is None or part.kind == "drafted" or len(part.outline.loops) < FEWEST_BARS:
             continue
         cells = [to_simple(replace(part, outline=Outline(region))) for region in regions(part.outline)]
         if len(cells) == len(part.outline.loops) and all(cell is not None and _are_alike(cell, cells[0], slack) for cell in cells):

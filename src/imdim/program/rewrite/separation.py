@@ -13,8 +13,10 @@ from functools import partial
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Outline, is_in_loop, regions, start_of
 from imdim.program.plain_outlines import to_simple
+from imdim.program.rewrite.containment import axes
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold
+from imdim.program.vectors import along
 
 
 def separate_loops(program: Program) -> Program:
@@ -47,11 +49,21 @@ def hoist_cuts(program: Program, is_free: Callable[[Program], bool]) -> Program:
 def _separate(leaf: Primitive) -> Program:
     if leaf.outline is None:
         return leaf
+    if leaf.kind == "drafted":  # a hole in what leans inward gets wider, one of its own narrower
+        return combine_all("union", [_redraw(leaf, region) for region in regions(leaf.outline)])
     return combine_all("union", [_separate_holes(leaf, [outer], holes) for outer, *holes in regions(leaf.outline)])
 
 
+def _redraw(leaf: Primitive, region: tuple[Loop, ...]) -> Primitive:
+    """One area of what is drafted, about its own middle."""
+    outline = Outline(region)
+    (left, low), (right, high) = outline.bounds
+    x, y, (u, v, _) = (left + right) / 2, (low + high) / 2, axes(leaf)
+    return replace(leaf, center=along(along(leaf.center, u, x), v, y), outline=outline.shift(-x, -y))
+
+
 def _separate_all_holes(leaf: Primitive) -> Program:
-    if leaf.outline is None:
+    if leaf.outline is None or leaf.kind == "drafted":
         return leaf
     outers, holes = zip(*((outer, holes) for outer, *holes in regions(leaf.outline)), strict=True)
     if any(is_in_loop(a, *start_of(b)) for a in outers for b in outers if a is not b):

@@ -12,7 +12,7 @@ from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.surface import Surface
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, arc_center, arc_radius
-from imdim.program.tree import Primitive
+from imdim.program.tree import ACROSS, Primitive
 from imdim.search.arrangement import Arrangement, span_along
 
 DRIFTED = 40  # free faces that a wall beside a detected one counts as: it fits facets, which lie within the true surface
@@ -53,7 +53,9 @@ class Carriers:
     def _count(self, leaf: Primitive) -> int:
         axes, center = matrix_from_euler(leaf.rotation), np.asarray(leaf.center)
         if leaf.outline is not None:
-            ends = self._free_ends(center, axes[:, 2], leaf.size[0]) if leaf.kind == "extrude" else 0
+            ends = self._free_ends(center, axes[:, 2], leaf.size[0]) if leaf.kind in ACROSS else 0
+            if leaf.kind == "drafted":  # walls that lean are drawn along detected ones alone
+                return ends
             return ends + sum(self._free_side(leaf, axes, curve) for curve in leaf.outline.curves)
         if leaf.kind == "box":
             return sum(self._free_ends(center, axes[:, i], leaf.size[i]) for i in range(3))

@@ -21,8 +21,8 @@ from imdim.numbers.ties import SAME, find_ties, have_same_shape, shape_numbers, 
 from imdim.program.tree import FULL_TURN, SIZE_NAMES, Primitive, Program, combine_all, leaves
 
 # numbers that say where a kind lies, of an outline its own say the rest, and those that say which way it points
-PLACE = {"box": 3, "ellipsoid": 3, "sphere": 3, "cylinder": 3, "cone": 3, "torus": 3, "extrude": 1, "revolve": 2}
-WAY = {"box": 3, "ellipsoid": 3, "sphere": 0, "cylinder": 2, "cone": 2, "torus": 2, "extrude": 2, "revolve": 2}
+PLACE = {"box": 3, "ellipsoid": 3, "sphere": 3, "cylinder": 3, "cone": 3, "torus": 3, "extrude": 1, "revolve": 2, "drafted": 1}
+WAY = {"box": 3, "ellipsoid": 3, "sphere": 0, "cylinder": 2, "cone": 2, "torus": 2, "extrude": 2, "revolve": 2, "drafted": 2}
 PARALLEL_DEG = EMConfig.parallel_deg  # between directions that fits take to be one
 FEATURE = 1  # numbers' worth that say that a leaf is there: its kind, operation and place in the order, and which of its ends show
 SKIN = 0.05  # nats that a point on a skin thinner than the noise costs
