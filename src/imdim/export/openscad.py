@@ -92,36 +92,58 @@ function ellipse(rx, ry, x = 0, y = 0, angle = 0) =
 # after the module above, where walls lean
 DRAFTED = """\
 // Areas, each an outer loop and its holes, from -height / 2 to height / 2. They are drawn at the foot, and all walls lean inward by the
-// draft on the way up, the facets of arcs about their centres; what cuts a hole sticks out at both ends.
+// draft on the way up: scaled where that is all that happens to the area, else a wedge is cut off along each curve.
 module drafted(height, draft, areas) {
-  for (area = areas) difference() {
-    leaning(counter_clockwise(outline_points(area[0])), -height / 2, height / 2, height / 2, draft);
-    for (k = [1 : 1 : len(area) - 1])
-      leaning(counter_clockwise(outline_points(area[k])), -height * 0.51, height * 0.51, height / 2, -draft);
+  for (area = areas) {
+    points = outline_points(area[0]);
+    moved = [for (i = [0 : len(points) - 1]) moved_in(points, i, height * tan(draft) * sign(signed_area(points)))];
+    middle = (corner(points, 1) + corner(points, -1)) / 2;
+    size = corner(points, 1) - corner(points, -1);
+    share = [for (k = [0, 1]) (corner(moved, 1) - corner(moved, -1))[k] / size[k]];
+    off = [for (i = [0 : len(points) - 1]) norm(moved[i] - middle - [for (k = [0, 1]) share[k] * (points[i] - middle)[k]])];
+    if (len(area) == 1 && max(off) < 1e-9 * norm(size)) translate([middle[0], middle[1], -height / 2])
+      linear_extrude(height = height, scale = share) polygon([for (p = points) p - middle]);
+    else difference() {
+      linear_extrude(height = height, center = true) outline(area);
+      for (k = [0 : len(area) - 1]) let(left = sign(signed_area(outline_points(area[k]))) * (k == 0 ? 1 : -1))
+        for (i = [0 : len(area[k]) - 1]) translate([0, 0, -height / 2])
+          if (half_turn(area[k], i) == 0) wedge(area[k], i, height, height * tan(draft), left);
+          else ring_wedge(area[k], i, height, height * tan(draft), left);
+    }
   }
 }
-module leaning(points, low, high, half, draft) {
-  n = len(points);
-  ends = [for (z = [low, high]) [for (i = [0 : n - 1]) moved_in(points, i, (z + half) * tan(draft))]];
-  middle = (corner(ends[0], 1) + corner(ends[0], -1)) / 2;
-  sizes = [for (end = ends) corner(end, 1) - corner(end, -1)];
-  share = [sizes[1][0] / sizes[0][0], sizes[1][1] / sizes[0][1]];
-  off = [for (i = [0 : n - 1]) norm(ends[1][i] - middle - [for (k = [0, 1]) share[k] * (ends[0][i] - middle)[k]])];
-  if (max(off) < 1e-9 * norm(sizes[0])) translate([middle[0], middle[1], low])
-    linear_extrude(height = high - low, scale = share) polygon([for (p = ends[0]) p - middle]);
-  else polyhedron(
-    [for (end = [0, 1]) for (p = ends[end]) [p[0], p[1], [low, high][end]]],
-    [[for (i = [0 : n - 1]) i], for (i = [0 : n - 1]) [i, n + i, n + (i + 1) % n, (i + 1) % n], [for (i = [n - 1 : -1 : 0]) n + i]],
-    convexity = 10);
+// what leans over a line whose inside is to its left (1) or right (-1); in a corner that points inward, with what leans over the next line
+module wedge(loop, i, height, inset, left) {
+  turn = left * turn_between(chord(loop, i), chord(loop, i + 1));
+  along_line(loop, i, height, inset, left, -height / 1000, norm(chord(loop, i)) + height / 1000);
+  if (half_turn(loop, i + 1) == 0 && turn < 0) intersection() {
+    along_line(loop, i, height, inset, left, norm(chord(loop, i)) - height / 1000, norm(chord(loop, i)) + inset * tan(-turn / 2));
+    along_line(loop, i + 1, height, inset, left, -inset * tan(-turn / 2), height / 1000);
+  }
 }
+module along_line(loop, i, height, inset, left, from, to) translate([place(loop, i)[0], place(loop, i)[1], 0])
+  rotate([90, 0, 90 + atan2(chord(loop, i)[1], chord(loop, i)[0])]) translate([0, 0, from]) linear_extrude(height = to - from)
+    polygon([for (p = wedge_section(height, inset, (height + inset) / 500)) [left * p[0], p[1]]]);
+module ring_wedge(loop, i, height, inset, left) {
+  half = half_turn(loop, i);
+  c = place(loop, i) + chord(loop, i) / 2 + turned(chord(loop, i), 90) / 2 / tan(half);
+  start = (half > 0 ? place(loop, i) : place(loop, i + 1)) - c;
+  r = norm(start);
+  inward = -left * sign(half);
+  off = min((height + inset) / 500 + 2 * r * (1 - cos(180 / $fn)), r / 2);
+  translate([c[0], c[1], 0]) rotate(atan2(start[1], start[0]) - 0.01) rotate_extrude(angle = 2 * abs(half) + 0.02)
+    polygon([for (p = wedge_section(height, inset, off)) [r + inward * p[0], p[1]]]);
+}
+// it begins a little below the foot, ends as much above the top, and goes on so far off on the other side of the wall
+function wedge_section(height, inset, off) =
+  [[-inset / 1000, -height / 1000], [1.001 * inset, 1.001 * height], [-off, 1.001 * height], [-off, -height / 1000]];
 function corner(points, way) = [for (k = [0, 1]) way * max([for (p = points) way * p[k]])];
-function counter_clockwise(points) = signed_area(points) > 0 ? points : [for (i = [len(points) - 1 : -1 : 0]) points[i]];
 function signed_area(points, n = 0) = n == len(points) ? 0 :
   let(a = points[n], b = points[(n + 1) % len(points)]) a[0] * b[1] - b[0] * a[1] + signed_area(points, n + 1);
 function left_of(a, b) = [a[1] - b[1], b[0] - a[0]] / norm(b - a);
 function moved_in(points, i, by) = let(
   n = len(points), u = left_of(points[(i + n - 1) % n], points[i]), v = left_of(points[i], points[(i + 1) % n])
-) points[i] + by * (u + v) / (u * v > cos(361 / $fn) ? norm(u + v) : 1 + u * v);
+) points[i] + by * (u + v) / (1 + u * v);
 """
 
 SWITCH = {
