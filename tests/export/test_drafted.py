@@ -18,6 +18,7 @@ from imdim.export.edit import change_values, open_delivered, solid_of
 from imdim.export.freecad import to_freecad
 from imdim.export.numbers import Rounding
 from imdim.export.openscad import to_openscad
+from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import Parameters
 from imdim.export.script import CURVES, RINGS, to_script
 from imdim.geometry.faces import corners
@@ -25,8 +26,8 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.solid import to_manifold, volume
 from imdim.program.codec import dumps, parse
 from imdim.program.edges import EdgeFeature, Face
-from imdim.program.outline import Outline
-from imdim.program.tree import Primitive, Program
+from imdim.program.outline import Outline, are_near, circle
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.fitting import relations_of
 
 
@@ -112,6 +113,17 @@ def test_edges_of_walls_that_lean_are_picked_by_where_these_are():
             assert wall(tuple(point)) == pytest.approx(0.0, abs=1e-9)
         inward = np.subtract((0.0, 0.0, point[2]), point) / 100
         assert wall(tuple(point + inward)) > 1e-3
+
+
+def test_areas_and_their_holes_are_read_in_the_order_that_they_have():
+    """Equal areas, whose sizes differ by their last digits alone, and a hole that was drawn behind both."""
+    loops = [tuple((x + off, y, b) for x, y, b in rounded(20.0 + 1e-9 * k, 10.0, 2.0)) for k, off in enumerate((-20.0, 20.0))]
+    leaf = Primitive("drafted", (4.0, 8.0), outline=Outline((*loops, circle(2.0, -20.0))))
+    assert leaf.outline is not None
+    assert [len(loop) for loop in leaf.outline.loops] == [8, 2, 8]
+    (read,) = leaves(read_openscad(to_openscad(leaf)))
+    assert read.outline is not None
+    assert are_near(read.outline, leaf.outline, 1e-6)
 
 
 def test_a_plate_with_a_draft_is_as_thick_as_it_is_high():

@@ -20,7 +20,7 @@ from imdim.export.drawn_vertex import Bend, BendAngle, BendRadius, Center, Drawn
 from imdim.export.numbers import SIGNIFICANT_DIGITS, Expression, Rounding, plain, weighted_sum, write_expression
 from imdim.export.parameters import DrawnLoop, constant_loop
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, regions, reverse_loop
+from imdim.program.outline import Loop, loop_area, regions, reverse_loop
 from imdim.program.tree import Primitive
 
 
@@ -37,6 +37,16 @@ def write_regions(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Roundin
     pairs = dict(pair_loops(leaf, drawn, rounding))
     oriented = pairs | {reverse_loop(loop): _reversed(written) for loop, written in pairs.items()}
     return [_list(_loop(oriented[loop], _way(loop), rounding) for loop in region) for region in regions(outline)]
+
+
+def write_areas(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> list[str]:
+    """As `write_regions`, of a drafted leaf in the order of its loops: reading them gives that back."""
+    areas: list[list[str]] = []
+    for loop, written in pair_loops(leaf, drawn, rounding):
+        if loop_area(loop) > 0:
+            areas.append([])
+        areas[-1].append(_loop(written, _way(loop), rounding))
+    return list(map(_list, areas))
 
 
 def _way(loop: Loop) -> float:

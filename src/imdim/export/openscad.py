@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from imdim.export.customizer import customizer_head
-from imdim.export.drawing import write_loops, write_regions
+from imdim.export.drawing import write_areas, write_loops
 from imdim.export.edge_text import DrawnEdges
 from imdim.export.feature_notes import write_notes
 from imdim.export.loops import Loop, less
@@ -250,7 +250,7 @@ def _primitive(leaf: Primitive, rounding: Rounding, named: Parameters, number: i
     walls lean each area. Above it what it is."""
     place = _step("translate", [write_expression(c, rounding.length, circled=True) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
-    write = write_regions if leaf.kind == "drafted" else write_loops
+    write = write_areas if leaf.kind == "drafted" else write_loops
     sizes, loops = write_sizes(leaf, named.sizes[number], rounding), write(leaf, named.outlines[number], rounding)
     notes = write_notes(named.notes, number, "//")
     if not loops:

@@ -21,6 +21,7 @@ from imdim.program.outline import (
     check_crossings,
     has_ellipse,
     orient_loops,
+    regions,
     ring_curves,
 )
 
@@ -31,8 +32,11 @@ FOLDED = -1 + 1e-6  # cosine between the normals of two lines that come back alo
 
 
 def foot_of(outline: Outline) -> Outline:
-    """The outline with what is inside on the left of every curve, in the same order of loops; itself where it is drawn so."""
-    loops = orient_loops(outline.loops)
+    """The outline with what is inside on the left of every curve, and the holes of each area behind its outer loop, else in the same order;
+    itself where it is drawn so."""
+    place = {loop: k for k, loop in enumerate(orient_loops(outline.loops))}
+    areas = sorted(regions(outline), key=lambda area: place[area[0]])
+    loops = tuple(loop for outer, *holes in areas for loop in (outer, *sorted(holes, key=place.__getitem__)))
     return outline if loops == outline.loops else Outline(loops)
 
 

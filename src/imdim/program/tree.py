@@ -81,7 +81,7 @@ class Primitive:
     one's lies in the half plane (x >= 0, z) and is turned about local z, from the x axis counter-clockwise. The bounding box of an
     outline is best kept about the origin (for a turned one about z = 0): it is then as small as the box that the solid is taken to fill.
     A drafted one is an extrusion whose outline is that at -h/2, and whose walls lean inward by `draft` degrees on the way up;
-    its loops are kept with what is inside on their left.
+    its loops are kept with what is inside on their left, holes behind what they are in.
     """
 
     kind: str
