@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from tests.known_programs import ANGLE, ROUNDED
-from tests.planted import box, cut, cylinder, mesh_of, union
+from tests.planted import box, cone, cut, cylinder, mesh_of, union
 
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.geometry.solid import to_manifold, volume_iou
@@ -14,7 +14,7 @@ from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.pipeline import reconstruct
 from imdim.search.arrangement import ArrangementConfig, arrange
-from imdim.search.drafted_planes import DraftedPlane, find_drafted_planes
+from imdim.search.drafted_planes import DraftedPlane, _check_arcs, find_drafted_planes
 from imdim.search.outline_families import find_planes
 from imdim.search.outline_kernels import LEFT, NEITHER, RIGHT, Graph, _close_region
 from imdim.target.target import target_from
@@ -108,3 +108,15 @@ def test_what_is_drafted_comes_back(name):
     drafted = [leaf for leaf in found if leaf.kind == "drafted"]
     wanted = sorted({leaf.size for leaf in leaves(truth) if leaf.kind == "drafted"})
     np.testing.assert_allclose(sorted({leaf.size for leaf in drafted}), wanted)
+
+
+def test_cones_and_arcs_in_a_row_are_left_to_others():
+    """Holes that get narrower in one plane are cones; a loop of arcs would be left with arcs that touch nothing by the next edit."""
+    row = [cone(6, 4, 20, (x, 0, 0)) for x in (-20, 0, 20)]
+    *_, last = reconstruct(target_from(mesh_of(cut(box(70, 30, 20), *row))), Settings(), np.random.default_rng(0))
+    assert sorted(leaf.kind for leaf in leaves(last.program)) == ["box", "cone", "cone", "cone"]
+    quarter = math.tan(math.pi / 8)
+    drop = Outline((((0.0, -10.0, 0.0), (10.0, -10.0, quarter), (20.0, 0.0, 1.0), (0.0, 0.0, 0.0)),))
+    with pytest.raises(ValueError, match="its arcs lie between them"):
+        _check_arcs(drop)
+    _check_arcs(Outline((scaled(ROUNDED, 1.0), circle(0.1))))

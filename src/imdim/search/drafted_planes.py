@@ -17,7 +17,7 @@ import numpy as np
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.surface import vec
 from imdim.program.drafting import foot_of, make_touch, shrink
-from imdim.program.outline import Outline
+from imdim.program.outline import Outline, circle_of
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 from imdim.search.outline_kernels import LEFT, NEITHER, RIGHT
@@ -139,9 +139,11 @@ def _make_drafted(arrangement: Arrangement, a: int, group: Sequence[_Leaning]) -
 def draft_leaf(plane: DraftedPlane, outline: Outline, inside: np.ndarray, bottom: float, top: float) -> Primitive:
     """The solid of an outline, that of the faces `inside` [f], between two levels.
 
-    Raises ValueError where its walls lean both ways, or meet between the levels.
+    Raises ValueError where its walls lean both ways, or meet between the levels, and for what has no straight wall, or an arc that goes on
+    in another one: of the first cones are found as such, and an edit of the second would leave arcs that touch nothing.
     """
     _check_sides(plane, inside)
+    _check_arcs(outline)
     foot, way = (bottom, 1) if plane.narrows else (top, -1)
     drawn = shrink(make_touch(foot_of(outline)), plane.lean.tangent * (foot - plane.lean.level) * way)
     u, v, along = plane.frame.T
@@ -153,6 +155,14 @@ def draft_leaf(plane: DraftedPlane, outline: Outline, inside: np.ndarray, bottom
     center = frame[:, :2] @ np.array([x, y]) + along * (bottom + top) / 2
     size = top - bottom, math.degrees(math.atan(plane.lean.tangent))
     return Primitive("drafted", size, vec(center), euler_from_matrix(frame), drawn.shift(-x, -y))
+
+
+def _check_arcs(outline: Outline) -> None:
+    """Raise ValueError unless all arcs but those of circles lie between two lines, of which there are some."""
+    rings = [ring for ring in outline.rings if circle_of(ring) is None]
+    bent = [[bool(bulge) for _, _, bulge in ring] for ring in rings]
+    if not rings or any(one and other for ring in bent for one, other in zip(ring, [*ring[1:], ring[0]], strict=True)):
+        raise ValueError("a drafted outline has lines, and its arcs lie between them")
 
 
 def _check_sides(plane: DraftedPlane, inside: np.ndarray) -> None:
