@@ -19,7 +19,7 @@ from imdim.export.parameters import Parameters
 from imdim.program.edges import EdgeFeature, Face, name_edges, wall_curve
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import arc_middle, loop_area, ring_curves
-from imdim.program.tree import ACROSS, SIZE_NAMES, Primitive, Program, leaves
+from imdim.program.tree import ACROSS, PLANE_ENDS, SIZE_NAMES, Primitive, Program, leaves
 
 FACES = '''def as_placed(point, center, turn):
     """A point as a primitive has it that was turned by degrees about x, y and z, and then moved."""
@@ -248,8 +248,8 @@ class _Faces:
         if name[0] in "+-":
             axis = "xyz".index(name[1])
             half = Fraction(1, 2)
-            # of a drafted outline the height comes before the angle
-            level = weighted_sum((sizes[{"box": axis, "drafted": 0}.get(leaf.kind, -1)], half if name[0] == "+" else -half))
+            column = PLANE_ENDS.get(leaf.kind, {}).get(axis, -1)  # a revolve has its height last
+            level = weighted_sum((sizes[column], half if name[0] == "+" else -half))
             reach = [f"reach=({', '.join(self._length(weighted_sum((size, half))) for size in sizes)})"] if leaf.kind == "box" else []
             return _call("flat_face", center, f'"{name[1]}"', self._length(level), *reach, *turn)
         if name == "side":
