@@ -41,13 +41,13 @@ class Explanation:
     """How a program explains a cloud, shares of 1 of the program's own surface.
 
     `gain` and `shown_gain`: nats per point by which the program tells the points better than a sheet through their neighbours, by its whole
-    surface and by what points are near; `bare`: surface that no point is near; `blurred`: surface of walls thinner than the noise. Places
+    surface and by what points are near; None where the noise bulges, which neighbours tell of one another and no program should; `bare`: surface that no point is near; `blurred`: surface of walls thinner than the noise. Places
     of the surface `at` [m, 3] are in such a wall where `thin` [m]. Per point asked, `points` [n, 3], `losses` [n] are what the sheet tells
     it better by. `unseen` is the share of the whole surface that no known scanner could see; the others are of the rest.
     """
 
-    gain: float
-    shown_gain: float
+    gain: float | None
+    shown_gain: float | None
     bare: float
     blurred: float
     at: np.ndarray
@@ -55,6 +55,16 @@ class Explanation:
     points: np.ndarray
     losses: np.ndarray
     unseen: float = 0.0
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the sheet tells the points better than the program does."""
+        return self.gain is not None and self.gain < 0
+
+    @property
+    def is_shown_worse(self) -> bool:
+        """Whether it does better than what of the program's surface points are near."""
+        return self.shown_gain is not None and self.shown_gain < 0
 
     def is_blurred(self, points: np.ndarray) -> np.ndarray:
         """Whether most of the program's surface next to each of `points` [n, 3] is in a wall thinner than the noise; the tip of a wedge is
@@ -83,19 +93,25 @@ def explain(program: Program, points: np.ndarray, model: NoiseModel, scanners: n
         shown = SurfaceSamples.of(program, noise.sigma, shadows=shadows)
     bare = _is_bare(shown, points[np.abs(kernels.program_sdf(program, points)) <= STRAY * noise.sigma], noise)
     part = replace(shown, points=shown.points[~bare], normals=shown.normals[~bare], area=shown.area * float(np.mean(~bare)))
+    thin = ~kernels.inside(program, shown.points - GAP * noise.sigma * shown.normals)
+    unseen = 0.0 if shadows is None else max(1 - shown.area / SurfaceSamples.of(program, noise.sigma).area, 0.0)
+    found = Explanation(None, None, float(bare.mean()), float(thin.mean()), shown.points, thin, points, np.zeros(len(points)), unseen)
+    if model.bulges:
+        return found
     sheet = _tell_by_neighbours(points, start)
     whole, seen = (expectation_step(points, s, noise).logs for s in (shown, part))
-    thin = ~kernels.inside(program, shown.points - GAP * noise.sigma * shown.normals)
     gain, shown_gain = (float(np.mean(logs - sheet)) for logs in (whole, seen))
-    unseen = 0.0 if shadows is None else max(1 - shown.area / SurfaceSamples.of(program, noise.sigma).area, 0.0)
-    return Explanation(gain, shown_gain, float(bare.mean()), float(thin.mean()), shown.points, thin, points, sheet - whole, unseen)
+    return replace(found, gain=gain, shown_gain=shown_gain, losses=sheet - whole)
 
 
-def share_borne_out(program: Program, points: np.ndarray, normals: np.ndarray, areas: np.ndarray, deviation: float) -> float:
-    """Share by `areas` [n] of a scanned surface, places `points` and outward `normals` [n, 3], that runs along the surface of `program`, no
-    farther off than real things leave it; they do by `deviation`, in units of the points."""
+def share_borne_out(
+    program: Program, points: np.ndarray, normals: np.ndarray, areas: np.ndarray, deviation: float, oriented: bool = True
+) -> float:
+    """Share by `areas` [n] of a scanned surface, places `points` and `normals` [n, 3], outward if they are `oriented`, that runs along the
+    surface of `program`, no farther off than real things leave it; they do by `deviation`, in units of the points."""
     ahead, at, behind = (kernels.program_sdf(program, points + by * normals) for by in (deviation / 4, 0.0, -deviation / 4))
-    along = (ahead - behind) / (deviation / 2) > ALONG
+    slope = (ahead - behind) / (deviation / 2)
+    along = (slope if oriented else np.abs(slope)) > ALONG
     return float(areas[along & (np.abs(at) <= STRAY * deviation)].sum() / areas.sum())
 
 

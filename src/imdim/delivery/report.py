@@ -256,7 +256,8 @@ def _verdict(verdict: SurfaceVerdict) -> dict[str, Any]:
 
 def _explanation(explanation: Explanation) -> dict[str, Any]:
     """How the program explains a cloud: nats per point, and shares of its own surface."""
-    return {name: number(getattr(explanation, name)) for name in ("gain", "shown_gain", "bare", "unseen", "blurred")}
+    told = {name: getattr(explanation, name) for name in ("gain", "shown_gain", "bare", "unseen", "blurred")}
+    return {name: None if value is None else number(value) for name, value in told.items()}
 
 
 def _region(region: JudgedRegion) -> dict[str, Any]:

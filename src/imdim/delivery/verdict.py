@@ -37,6 +37,7 @@ STEP = 0.25  # of the tolerance: what the slope of the distance is measured over
 WHOLE = 0.99  # share of the surface that is exact, from which a part is
 MOSTLY = 0.5  # share that is left out, from which a result is none; that is blurred, from which its inside is a guess
 BORNE_OUT = 0.9  # share of a scan's surface that a program must run along; what it leaves out else is more than dents and bulges
+LOST = 0.1  # share of a scan's surface that is left out, from which a result is one in part
 BARE = 0.05  # share of a result's surface that no point is near, from which it is a result in part
 LEAST_LISTED = 1e-4  # share of the surface: a smaller region is not listed
 MOST_LISTED = 40  # regions
@@ -84,13 +85,18 @@ class SurfaceVerdict:
         if self.shares["left out"] > MOSTLY:
             return "left out"
         explanation, borne_out = self.explanation, 1.0 if self.borne_out is None else self.borne_out
-        if borne_out < MOSTLY or (explanation is not None and explanation.shown_gain < 0):
+        if borne_out < MOSTLY or (explanation is not None and explanation.is_shown_worse):
             return "not explained"
         guessed = explanation is not None and (explanation.bare > BARE or max(explanation.blurred, explanation.unseen) > MOSTLY)
-        if borne_out < BORNE_OUT or guessed or (explanation is not None and explanation.gain < 0):
+        if borne_out < BORNE_OUT or self._is_lost or guessed or (explanation is not None and explanation.is_worse):
             return "partial"
         whole = self.shares["exact"] >= WHOLE and (explanation is None or explanation.bare + explanation.unseen <= 1 - WHOLE)
         return "exact" if whole else "approximated"
+
+    @property
+    def _is_lost(self) -> bool:
+        """Whether more of a scan is left out than dents and bulges, near though the program runs."""
+        return self.borne_out is not None and self.shares["left out"] > LOST
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -98,6 +104,8 @@ class SurfaceVerdict:
         doubts = [] if self.explanation is None else [*_doubts(self.explanation)]
         if self.borne_out is not None and self.borne_out < BORNE_OUT:
             doubts.append(f"the program runs along {percent(self.borne_out)} of the scan: what it leaves is more than dents and bulges")
+        elif self._is_lost:
+            doubts.append(f"{percent(self.shares['left out'])} of the scan is left out: its surface runs elsewhere than the program's")
         return tuple(doubts)
 
     def colour(self, target: Target) -> ColouredTarget:
@@ -129,9 +137,11 @@ def judge(
         far, codes = np.full(len(elements.points), np.inf), np.full(len(elements.points), LEFT_OUT)
     explanation = None if program is None or elements.noise is None else explain(program, elements.points, elements.noise, target.scanners)
     borne_out = None
-    if program is not None and scanned and elements.mesh is not None:
-        deviation = DEVIATION * elements.diagonal
-        borne_out = share_borne_out(program, elements.points, elements.normals, elements.areas, deviation)
+    bulging = elements.noise.sigma if elements.noise is not None and elements.noise.bulges else 0.0
+    if program is not None and scanned and (elements.mesh is not None or bulging):
+        deviation = bulging or DEVIATION * elements.diagonal
+        surface = elements.points, elements.normals, elements.areas
+        borne_out = share_borne_out(program, *surface, deviation, elements.oriented)
     if explanation is not None:
         codes = np.where((codes == EXACT) & _doubted(explanation, elements.points), APPROXIMATED, codes)
     found = list(_recognise(elements, codes != EXACT))
@@ -148,11 +158,11 @@ def judge(
 def _doubted(explanation: Explanation, points: np.ndarray) -> np.ndarray:
     """Which of the points [n, 3] of a cloud show the program no more than something else that runs past them."""
     thin = explanation.is_blurred(points)
-    return thin | explanation.is_explained_worse(points) if explanation.shown_gain < 0 else thin
+    return thin | explanation.is_explained_worse(points) if explanation.is_shown_worse else thin
 
 
 def _doubts(explanation: Explanation) -> Iterator[str]:
-    if explanation.shown_gain < 0:
+    if explanation.is_shown_worse:
         yield "the program does not explain the points: a smooth sheet through their neighbours tells them better than its surface does"
     if explanation.bare > 1 - WHOLE:
         seen = "a scanner would have seen it" if explanation.unseen else "nobody saw it, or it is not there"

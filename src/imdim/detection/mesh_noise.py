@@ -25,4 +25,4 @@ def measure_mesh_noise(mesh: trimesh.Trimesh, patches: Sequence[Patch]) -> Noise
     order = np.argsort(off, kind="stable")
     area = np.cumsum(areas[order])
     sigma = float(off[order][np.searchsorted(area, area[-1] / 2)])
-    return NoiseModel(float(np.sqrt(mesh.area / len(mesh.faces))), sigma, 1.0) if sigma > SHAKEN else EXACT
+    return NoiseModel(float(np.sqrt(mesh.area / len(mesh.faces))), sigma, 1.0, bulges=True) if sigma > SHAKEN else EXACT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -22,11 +22,13 @@ _BLURRING = 1e-3  # deviation of the noise, as a share of the diagonal, from whi
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """`spacing`: side of the square that one point stands for; `sigma`: deviation of the noise along the normal; `diagonal`: of the box."""
+    """`spacing`: side of the square that one point stands for; `sigma`: deviation of the noise along the normal; `diagonal`: of the box.
+    Whether neighbouring points are off together, as bulges of real things and waves of depth cameras are, is in `bulges`."""
 
     spacing: float
     sigma: float
     diagonal: float
+    bulges: bool = False
 
     @property
     def blurs(self) -> bool:
@@ -35,7 +37,7 @@ class NoiseModel:
 
     def scale(self, factor: float) -> NoiseModel:
         """The noise where lengths are `factor` times as long."""
-        return NoiseModel(factor * self.spacing, factor * self.sigma, factor * self.diagonal)
+        return replace(self, spacing=factor * self.spacing, sigma=factor * self.sigma, diagonal=factor * self.diagonal)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ BEHIND = 3.0  # deviations of the noise, and one spacing, from which a place lie
 BARE = 2.0  # spacings, and deviations of the noise, from the nearest point, from which a place has none
 MOST_CELLS = 512  # of a map's side
 AHEAD = 0.2  # least cosine to the middle of the view; points farther aside are not on the map
+GRAZING = 0.17  # cosine to a scanner from which surfaces may send nothing back (80 degrees): without points they may be there
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,11 @@ class DepthMap:
         blocked[on] = depth[on] > self.depth[tuple(cell[on].T)] + behind
         return blocked
 
+    def slant(self, places: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """The cosine [m] between `normals` at `places` [m, 3] and the way to the scanner."""
+        way = self.scanner - places
+        return np.einsum("mi,mi->m", way, normals) / np.maximum(np.linalg.norm(way, axis=1), 1e-300)
+
 
 @dataclass(frozen=True, eq=False)
 class Shadows:
@@ -82,17 +88,26 @@ class Shadows:
         maps = tuple(DepthMap.of(points, np.asarray(scanner, float), spacing) for scanner in scanners)
         return Shadows(maps, tree, BEHIND * sigma + spacing, BARE * float(np.hypot(spacing, sigma)))
 
-    def hide(self, places: np.ndarray) -> np.ndarray:
-        """Which of `places` [m, 3] have no point near and lie behind points for every scanner."""
+    def hide(self, places: np.ndarray, normals: np.ndarray | None = None) -> np.ndarray:
+        """Which of `places` [m, 3] have no point near and lie behind points for every scanner, or, with their `normals` [m, 3], along its
+        line of sight."""
         hidden = np.isinf(self.tree.query(places, distance_upper_bound=self.bare)[0])
         for map_ in self.maps:
-            hidden[hidden] = map_.blocks(places[hidden], self.behind)
+            some = places[hidden]
+            blocked = map_.blocks(some, self.behind)
+            if normals is not None:
+                blocked |= np.abs(map_.slant(some, normals[hidden])) < GRAZING
+            hidden[hidden] = blocked
         return hidden
 
-    def leave(self, places: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The places with their normals [m, 3] that are not hidden."""
-        seen = ~self.hide(places)
-        return places[seen], normals[seen]
+    def hide_surface(self, places: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Which of the `places` of a solid's surface no scanner could see: hidden ones, and those whose outward `normals` [m, 3] turn away
+        from every scanner, so that no point near them can be theirs."""
+        return self.hide(places, normals) | ~self.face(places, normals)
+
+    def face(self, places: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Whether surfaces at `places` with outward `normals` [m, 3] are turned towards a scanner."""
+        return np.logical_or.reduce([map_.slant(places, normals) > 0 for map_ in self.maps])
 
 
 def _project(points: np.ndarray, scanner: np.ndarray, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -75,7 +75,7 @@ class SurfaceSamples:
         points, normals, leaf = _visible(lowered, parts, _counts(areas, wanted), GAP * sigma)
         visible = len(points) / float(wanted)
         if shadows is not None:
-            lit = ~shadows.hide(points)
+            lit = ~shadows.hide_surface(points, normals)
             points, normals, leaf = points[lit], normals[lit], leaf[lit]
         area = len(points) / wanted * float(areas.sum())
         thin = ~kernels.inside(lowered, points - GAP * sigma * normals)

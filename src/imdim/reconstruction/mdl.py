@@ -43,7 +43,7 @@ LINEAGES = 2  # programs of a policy that are searched from
 ASK_S = 2.0  # what asking takes of the processor
 MOST_ASKED = 6  # times that a policy is asked for more
 MOST_DRAWN, OF_EACH = 16, 3  # outlines that the points show, of which more than one may go through the same walls; and of each kind
-SCANNED = 1000  # points of a scanned mesh
+SCANNED, VIEWED = 1000, 500  # points of a scanned mesh, and of what a depth camera saw, whose waves are longer
 COUNTED = 0.66  # of these
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
 BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are hardly told from one
@@ -93,19 +93,19 @@ def reconstruct_unlabelled(
 
 
 def reconstruct_scan(body: UnitBody, rng: np.random.Generator, choose_by: Deadline, fit_by: Deadline, drawn: bool) -> NoisyFit | None:
-    """A program of a scanned mesh in its unit frame, from points of its surface; None where nothing is left of them.
+    """A program of a body whose surface bulges, in its unit frame, from points of its surface; None where nothing is left of them.
 
-    Rounded edges, bulges and dents of a real thing are no features: they count as noise, and since they go on over many facets, few points
-    say as much of it as many do. The policy is not asked: it takes a tenth of the time, and knows no scans. Nor are parts looked for anew,
-    which would follow what a real thing deviates by. Time as for `most_likely`.
+    Rounded edges, bulges and dents of a real thing, and the waves of a camera, are no features: they count as noise, and since they go on
+    over many facets or points, few points say as much of it as many do. The policy is not asked: it takes a tenth of the time, and knows no
+    scans. Nor are parts looked for anew, which would follow what a real thing deviates by. Time as for `most_likely`.
     """
-    mesh = body.target.mesh
+    mesh, sigma = body.target.mesh, max(body.noise.sigma, DEVIATION)
     if mesh is None:
-        return None
-    points, _ = sample_surface(mesh.vertices, np.asarray(mesh.faces), SCANNED, rng)
-    sigma = max(body.noise.sigma, DEVIATION)
+        points, trifle = subsample(body.target.points, VIEWED), sigma
+    else:
+        points, trifle = sample_surface(mesh.vertices, np.asarray(mesh.faces), SCANNED, rng)[0], DEVIATION
     found = [p.program for p in proposals(None, points, sigma, deadline=choose_by)]
-    cloud = _NoisyCloud.of(points, sigma, drawn=drawn, trifle=DEVIATION)
+    cloud = _NoisyCloud.of(points, sigma, drawn=drawn, trifle=trifle, scanners=body.target.scanners)
     return replace(cloud, anew=False).find_shortest(found, choose_by, fit_by) if found else None
 
 
@@ -191,7 +191,7 @@ class _NoisyCloud:
         fit_by = leave_time_to_deliver(best.program, fit_by, ALLOWED_AFTER_S)
         points = subsample(self.points, MOST_POINTS)
         best = best if self.trifle else self._without_spare(best, fit_by.ahead(SPARE_SHARE * fit_by.left()))
-        shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
+        shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by, self.shadows), deadline=fit_by)
         numbers_by = fit_by.ahead(NUMBERS_SHARE * fit_by.left())
         program, constraints = hold_relations(fit_numbers(shorter, points, best.noise, numbers_by, CAREFUL), points, fit_by)
         return NoisyFit(program, constraints, cut or numbers_by.has_passed())

@@ -10,6 +10,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
+from imdim.detection.bulges import measure_bulges
 from imdim.detection.cloud_sharpen import CloudBlend, sharpen_cloud
 from imdim.detection.cloud_surfaces import detect_cloud
 from imdim.detection.faceting import volume_between
@@ -36,6 +37,7 @@ NOISY_SAMPLES = 40_000  # of a cloud whose noise blurs it: its cells only begin 
 DOUBT = 8.0  # times the price of a feature in noise, whose samples are often on the wrong side of thin parts
 SHARPENED = 3  # times that edges of a cloud are sharpened: faces come out that were blends' neighbours
 BLUNT = 4e-3  # of the diagonal: the noise from which blends cost the search more than they show (benchmarks/results.md)
+WAVES, LEAST_WAVES = 3.0, 1e-3  # times the noise of neighbours, and of the diagonal, from which a camera's cloud is off by waves
 LEAST_WALL = 3e-4  # of a body's surface, that a wall of an outline shows
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 
@@ -70,12 +72,10 @@ class UnitBody:
         noise, kept = measure_noise(unit.points, rng)
         if len(kept) < len(unit.points):
             unit = replace(unit, points=unit.points[kept], normals=None if unit.normals is None else unit.normals[kept])
+        bulge = measure_bulges(unit.points) if unit.scanners is not None and len(unit.scanners) == 1 else 0.0
+        if bulge > WAVES * max(noise.sigma, LEAST_WAVES * noise.diagonal):
+            noise = replace(noise, sigma=bulge, bulges=True)
         return UnitBody(unit, noise, kept=kept)
-
-    @property
-    def scanned(self) -> bool:
-        """Whether this is a mesh that noise shook."""
-        return self.target.mesh is not None and self.noise.sigma > 0
 
 
 @dataclass(frozen=True)

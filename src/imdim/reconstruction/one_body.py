@@ -64,6 +64,7 @@ from imdim.target.target import Frame, InputError, Target, in_unit_frame
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
 SCANNED = "not proved: the mesh is a scan, its program is the likeliest by points of its surface"
+VIEWED = "not proved: a camera saw this from one side, its program is the likeliest by its points, and what lies behind is a guess"
 NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
 
 
@@ -117,8 +118,9 @@ def _bare_body(body: Target, work: Work, share: float) -> Iterator[BodyState]:
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, share: float, blended: bool = False) -> Iterator[BodyState]:
     """Programs of one body as it is `observed` in its unit frame; `blended` if edges other than rims were set aside."""
     budget, settings = work.budget, work.settings
-    solid = find_solid(observed.target) if observed.scanned and work.guesses else None
-    if solid is not None and (state := _scanned_body(observed, solid, frame, work, share)) is not None:
+    solid = find_solid(observed.target)
+    viewed = observed.target.mesh is None
+    if observed.noise.bulges and work.guesses and (viewed or solid) and (state := _scanned_body(observed, solid, frame, work, share)):
         yield state
         return
     try:
@@ -130,12 +132,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         if guess is None:
             raise
         step, found = guess
-        volume = to_manifold(step.program).volume()
-        state = BodyState(
-            step.stage, frame.undo(step.program), UNKNOWN, volume / frame.scale**3, lambda _: UNKNOWN, (), step.proof, step.stop
-        )
-        front, found = (Choice(state.program, UNKNOWN),), scale_constraints(found, 1 / frame.scale)
-        yield replace(state, front=front, found=found, noisy=observed.noise.blurs)
+        state = replace(_guessed_state(step.program, frame, step.stage, step.proof), stop=step.stop)
+        yield replace(state, found=scale_constraints(found, 1 / frame.scale), noisy=observed.noise.blurs)
         return
     step = None
     for step in work.method(Run(seen, settings, work.policy, budget, work.rng, share, blended, 1 / frame.scale)):
@@ -200,8 +198,16 @@ def _count_bodies(program: Program) -> int:
     return census_of(to_manifold(program)).bodies
 
 
-def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: Work, share: float) -> BodyState | None:
-    """The program of a scanned body, judged by the points of its surface; its error is the volume in which it differs from the solid."""
+def _guessed_state(program: Program, frame: Frame, stage: str, proof: str) -> BodyState:
+    """The state of a program in the unit frame whose body shows no inside."""
+    own = frame.undo(program)
+    volume = to_manifold(program).volume() / frame.scale**3
+    return BodyState(stage, own, UNKNOWN, volume, lambda _: UNKNOWN, (Choice(own, UNKNOWN),), proof)
+
+
+def _scanned_body(observed: UnitBody, solid: Manifold | None, frame: Frame, work: Work, share: float) -> BodyState | None:
+    """The program of a scanned body, judged by the points of its surface; its error is the volume in which it differs from the `solid`,
+    which what a camera saw from one side does not have."""
     from imdim.reconstruction.mdl import reconstruct_scan  # of clouds and scans: most meshes need not wait for it
 
     # few numbers are left to be fitted, and rounding is quick: the search may take longer than a cloud's
@@ -209,6 +215,10 @@ def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: Work,
     likely = reconstruct_scan(observed, work.rng, *times, work.settings.language == "cad")
     if likely is None:
         return None
+    found = scale_constraints(likely.constraints, 1 / frame.scale)
+    ended = {"stop": CUT if likely.cut else "finished", "found": found, "noisy": True}
+    if solid is None:
+        return replace(_guessed_state(likely.program, frame, "solve", VIEWED), **ended)
 
     def measure(program: Program) -> float:
         made = to_manifold(frame.apply(program))
@@ -217,8 +227,7 @@ def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: Work,
     program = frame.undo(likely.program)
     error = measure(program)
     state = BodyState("solve", program, error, solid.volume() / frame.scale**3, measure, (Choice(program, error),), SCANNED)
-    found = scale_constraints(likely.constraints, 1 / frame.scale)
-    return replace(state, stop=CUT if likely.cut else "finished", found=found, noisy=True)
+    return replace(state, **ended)
 
 
 def _guess(body: UnitBody, work: Work, share: float, cut: bool) -> tuple[MethodStep, tuple[Constraint, ...]] | None:

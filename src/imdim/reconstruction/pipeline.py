@@ -42,7 +42,7 @@ from imdim.target.target import Frame, InputError, Target, target_from
 if TYPE_CHECKING:
     from imdim.learn.policy import Policy
 
-NO_EDGES = "fillets and chamfers are only looked for on closed meshes and on clouds: here they are part of the shape, or left out"
+NO_EDGES = "fillets and chamfers are only looked for on closed meshes and on clouds that do not bulge: here they are part of the shape, or left out"
 
 
 MOST_POINTS = 20_000  # of a cloud, that tell of its edges
@@ -132,12 +132,14 @@ def _snapshots(states: Iterable[BodyState], target: Target, work: Work, left_out
     error = last.error if program == last.program else last.measure(program)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in thin_front(last.front, last.program))
     edges = _find_edges(program, last, target, work)
+    bulges = last.noise is not None and last.noise.model.bulges
+    unseen = (target.mesh is not None or bulges) and not (last.shows_edges or edges.features)
     notes = (
         *work.notes,
         *(f"{error}; left out" for error in left_out),
         *edges.left_out,
         *([describe_kept(last.kept)] if last.kept else []),
-        *([NO_EDGES] if target.mesh is not None and work.settings.language == "cad" and not (last.shows_edges or edges.features) else []),
+        *([NO_EDGES] if unseen and work.settings.language == "cad" else []),
     )
     stop = CUT if solver and relate_by.has_passed() else last.stop
     spent, found = work.budget.seconds(), edges.features
@@ -148,7 +150,7 @@ def _snapshots(states: Iterable[BodyState], target: Target, work: Work, left_out
 
 def _find_edges(program: Program, last: BodyState, target: Target, work: Work) -> EdgesFound:
     """The fillets and chamfers of a program: of a mesh those that were set aside, of a cloud those that its points show."""
-    if target.mesh is not None or work.settings.language != "cad" or last.noise is None:
+    if target.mesh is not None or work.settings.language != "cad" or last.noise is None or last.noise.model.bulges:
         return find_edge_features(program, last.chains, target)
     return find_cloud_edges(program, subsample(target.points, MOST_POINTS), last.noise.model, work.budget.end_of("relate"))
 

@@ -11,8 +11,9 @@ from numba import njit
 LZF_RATIO = 88  # at most: three bytes repeat 264
 
 
-def read_pcd(data: bytes) -> tuple[np.ndarray, list[str]]:
-    """The table [n, c] float64 and its column names (normal_x is called nx); points marked missing by NaN are left out.
+def read_pcd(data: bytes) -> tuple[np.ndarray, list[str], np.ndarray | None]:
+    """The table [n, c] float64, its column names (normal_x is called nx), and the place [1, 3] from which it was scanned; None where that
+    is the origin, which writers put there that know of none. Points marked missing by NaN are left out.
 
     Raises ValueError for a header or a body that does not fit.
     """
@@ -38,7 +39,8 @@ def read_pcd(data: bytes) -> tuple[np.ndarray, list[str]]:
     names = [n.lower().replace("normal_", "n") for n in names]
     xyz = [names.index(n) for n in "xyz"]
     # organised clouds mark pixels without a return by NaN in all coordinates
-    return table[~np.isnan(table[:, xyz]).all(axis=1)], names
+    viewpoint = np.array([header.get("VIEWPOINT", ["0"] * 3)[:3]], float)
+    return table[~np.isnan(table[:, xyz]).all(axis=1)], names, viewpoint if viewpoint.any() else None
 
 
 def _header(data: bytes) -> tuple[dict[str, list[str]], int]:

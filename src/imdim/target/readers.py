@@ -7,7 +7,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -209,7 +209,8 @@ def _table(array: np.ndarray, path: Path) -> np.ndarray:
 def _read_pcd(path: Path) -> Raw:
     from imdim.target.pcd import read_pcd
 
-    return _by_columns(*read_pcd(path.read_bytes()))
+    table, names, scanners = read_pcd(path.read_bytes())
+    return replace(_by_columns(table, names), scanners=scanners)
 
 
 FORMATS: Mapping[str, Callable[[Path], Raw]] = {

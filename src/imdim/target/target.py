@@ -20,6 +20,7 @@ from imdim.program.units import UNSPECIFIED
 from imdim.target.bodies import compact, face_normals, split_faces
 from imdim.target.readers import InputError, Raw, read
 from imdim.target.repair import clean_mesh
+from imdim.target.viewpoint import find_camera
 
 __all__ = ["Frame", "InputError", "Target", "frame_meta", "in_unit_frame", "load_target", "split_bodies", "target_from", "with_mesh"]
 
@@ -238,7 +239,10 @@ def _cloud_target(raw: Raw, name: str, max_points: int) -> Target:
         keep = voxel_subsample(points, max_points)
         notes.append(f"{len(points)} points thinned to {len(keep)}, one per voxel.")
         points, normals = points[keep], None if normals is None else normals[keep]
-    return Target(name, np.ascontiguousarray(points, float), normals, None, False, tuple(notes), scanners=raw.scanners)
+    scanners = raw.scanners
+    if scanners is None and (scanners := find_camera(points)) is not None:
+        notes.append("All points can be seen from the origin, where depth cameras stand: what lies behind them is taken to be unseen.")
+    return Target(name, np.ascontiguousarray(points, float), normals, None, False, tuple(notes), scanners=scanners)
 
 
 def _unit_normals(normals: np.ndarray) -> tuple[np.ndarray | None, list[str]]:

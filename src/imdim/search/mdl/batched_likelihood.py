@@ -47,7 +47,7 @@ class BatchedLikelihood:
     Which of the settled parts hold the places just behind and ahead of a sample, and those a gap away, is in `held` int64 [s, 4], the last
     part in the lowest bit; whether others hold those of the settled parts' samples is in the lowest bits of `over` uint8 [others, s of the
     settled], and whether they hold their own in `selves` uint8 [s of the others]. What a sample lends to points is listed as in
-    `PartSamples`, one after another: `first` [s + 1], `lent` and `density`.
+    `PartSamples`, one after another: `first` [s + 1], `lent` and `density`; so is from where they can be seen, `faces` [s].
     """
 
     scene: PointScene
@@ -64,6 +64,7 @@ class BatchedLikelihood:
     ways: np.ndarray
     ends: np.ndarray
     end: np.ndarray
+    faces: np.ndarray
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -94,7 +95,8 @@ class BatchedLikelihood:
         own, ways, copies = count_each(settled, others)
         ends = np.where(copies, 0, [count_ends(part) for part in parts]).astype(np.int64)
         tables = starts, held, over, selves, first, lent, density
-        return BatchedLikelihood(scene, parts, len(settled), *tables, own, ways, ends, np.concatenate([d.ends for d in drawn]))
+        end, faces = (np.concatenate(c) for c in ([d.ends for d in drawn], [d.faces for d in drawn]))
+        return BatchedLikelihood(scene, parts, len(settled), *tables, own, ways, ends, end, faces)
 
     def lengths(self, choices: Sequence[Choice]) -> np.ndarray:
         """Description length of the points under each choice, in nats per point (see `description_length`); infinite where nothing is left.
@@ -115,7 +117,7 @@ class BatchedLikelihood:
             raise ValueError(f"{choices[int((changes[:, 0] < -1).argmax())]} is no change of {self.settled} parts in their order")
         arrays = self.starts, self.held, self.over, self.selves, self.first, self.lent, self.density
         scale = clutter / scene.box, math.log1p(-clutter) - lattice
-        nll, skin, hidden = _lengths(changes, self.settled, *arrays, self.ends, self.end, len(scene.points), *scale)
+        nll, skin, hidden = _lengths(changes, self.settled, *arrays, self.ends, self.end, self.faces, len(scene.points), *scale)
         # places behind the end of a choice have the index -1, and nothing
         own = np.append(self.own, 0)[packed[1]].sum(1) + np.append(self.ways, 0 * self.ways[:1], axis=0)[packed[1]].max(1).sum(1)
         return nll + SKIN * skin, own - hidden
@@ -201,11 +203,12 @@ def _is_in(bits, part_holds, part_united, after, united):  # pragma: no cover - 
 
 
 @njit(nogil=True, cache=True)
-def _tell_side(m0, m1, m2, m3, holds, part_united, after, united):  # pragma: no cover - compiled
-    """0 where a sample is not on the surface, or faces it across a gap, 1 where it is, 2 where its wall is thin."""
+def _tell_side(m0, m1, m2, m3, holds, part_united, after, united, faces):  # pragma: no cover - compiled
+    """0 where a sample is not on the surface, faces it across a gap, or cannot be seen from its outside (`faces`), 1 where it is, 2 where
+    its wall is thin."""
     behind = _is_in(m0, holds & 1, part_united, after, united)
     ahead = _is_in(m1, holds & 2, part_united, after, united)
-    if behind == ahead:
+    if behind == ahead or not faces & (2 if ahead else 1):
         return 0
     deep = _is_in(m2, holds & 4, part_united, after, united)
     far = _is_in(m3, holds & 8, part_united, after, united)
@@ -216,14 +219,14 @@ def _tell_side(m0, m1, m2, m3, holds, part_united, after, united):  # pragma: no
 
 @njit(nogil=True, cache=True)
 def _lengths(
-    changes, settled, starts, held, over, selves, first, lent, density, ends, at_end, n, strewn, peak_of_one
+    changes, settled, starts, held, over, selves, first, lent, density, ends, at_end, faces, n, strewn, peak_of_one
 ):  # pragma: no cover - compiled
     count, end = len(changes), starts[settled]
     nll, skin, hidden = np.full(count, np.inf), np.zeros(count), np.zeros(count, np.int64)
     base, base_total = np.zeros(end, np.int8), np.zeros(n)
     whole, united = np.int64((1 << settled) - 1), changes[0, 4]
     for s in range(end):
-        base[s] = _tell_side(held[s, 0], held[s, 1], held[s, 2], held[s, 3], 0, False, 0, united)
+        base[s] = _tell_side(held[s, 0], held[s, 1], held[s, 2], held[s, 3], 0, False, 0, united, faces[s])
         if base[s]:
             for q in range(first[s], first[s + 1]):
                 base_total[lent[q]] += density[q]
@@ -251,7 +254,7 @@ def _lengths(
                     if alike and not holds and not (m0 | m1 | m2 | m3) & gone:
                         side = base[s]
                     else:
-                        side = _tell_side(m0 & stay, m1 & stay, m2 & stay, m3 & stay, holds, its != 0, after & stay, now)
+                        side = _tell_side(m0 & stay, m1 & stay, m2 & stay, m3 & stay, holds, its != 0, after & stay, now, faces[s])
                 if side:
                     shown += 1
                     thin += side == 2
@@ -265,7 +268,7 @@ def _lengths(
             seen = 0
             for s in range(starts[put], starts[put + 1]):
                 m0, m1, m2, m3 = held[s, 0] & stay, held[s, 1] & stay, held[s, 2] & stay, held[s, 3] & stay
-                side = _tell_side(m0, m1, m2, m3, selves[s - end], its != 0, after & stay, now)
+                side = _tell_side(m0, m1, m2, m3, selves[s - end], its != 0, after & stay, now, faces[s])
                 if side:
                     shown += 1
                     thin += side == 2

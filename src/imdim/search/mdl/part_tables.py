@@ -33,6 +33,7 @@ BATCH = 64  # parts that are sampled at once
 MOST_PARTS = 2500  # in the tables
 FAR = 3.0  # deviations along the surface, beyond which a sample lends nothing
 LOOSE = 1.5  # times the noise: parts that were not fitted yet lie a little off
+AHEAD, BEHIND = np.uint8(1), np.uint8(2)  # bits: from where a surface can be seen
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ class PartSamples:
     """A part seen alone: samples of its surface with outward `normals` [s, 3], and whether the part itself holds the places just behind
     and ahead of them, and those a gap away (`selves` [s, 4]). Sample i lends `density` to the points of the indices `lent`, those of both
     from `first[i]` to `first[i + 1]` [s + 1]; a point has of one part the nearest. `ends` uint8 [s] are which flat end of a primitive a
-    sample is on, from 1, and 0 elsewhere."""
+    sample is on, from 1, and 0 elsewhere. `faces` uint8 [s] has AHEAD where a scanner could see the surface from outside of the part, and
+    BEHIND where from within, as that of a cut is seen."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -49,6 +51,7 @@ class PartSamples:
     lent: np.ndarray
     density: np.ndarray
     ends: np.ndarray
+    faces: np.ndarray
 
 
 class PartTables:
@@ -77,7 +80,8 @@ class PartTables:
     def _sample(self, parts: Sequence[Program]) -> None:
         drawn = _samples(parts, self.spacing, self.offsets[1])
         if self._shadows is not None:
-            drawn = [self._shadows.leave(*own) for own in drawn]
+            lit = [~self._shadows.hide(points, normals) for points, normals in drawn]
+            drawn = [(points[own], normals[own]) for (points, normals), own in zip(drawn, lit, strict=True)]
         starts = np.cumsum([0, *(len(points) for points, _ in drawn)])
         points, normals = (np.concatenate(column) for column in zip(*drawn, strict=True))
         selves = kernels.inside_each(parts, self.probes(points, normals), 4 * starts).reshape(-1, 4)
@@ -86,7 +90,14 @@ class PartTables:
         for part, first, last in zip(parts, starts, starts[1:], strict=False):
             own = slice(first, last)
             lent = _lend(points[own], normals[own], *cells, NEIGHBOURS)
-            self._seen[part] = PartSamples(points[own], normals[own], selves[own], *lent, _find_ends(part, points[own], normals[own]))
+            ends, faces = _find_ends(part, points[own], normals[own]), self._facing(points[own], normals[own])
+            self._seen[part] = PartSamples(points[own], normals[own], selves[own], *lent, ends, faces)
+
+    def _facing(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        if self._shadows is None:
+            return np.full(len(points), AHEAD | BEHIND)
+        outside, within = self._shadows.face(points, normals), self._shadows.face(points, -normals)
+        return np.where(outside, AHEAD, np.uint8(0)) | np.where(within, BEHIND, np.uint8(0))
 
     def probes(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """The places [4 s, 3] behind and ahead of samples [s, 3]."""
