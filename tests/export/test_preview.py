@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from imdim.export.preview import GAP, HEADER, PANEL, SUPERSAMPLE, VIEW, preview, side_by_side, thumbnail
-from imdim.export.verdict_colours import ColouredTarget
+from imdim.export.surface_colours import ColouredTarget
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine, Primitive
 from imdim.target.target import Target, target_from

@@ -35,3 +35,11 @@ def test_near_scanners_see_past_edges_at_a_slant():
     """From 20 above, the square of side 20 hides one of side 30 ten below."""
     shadows = Shadows.of(roof(), np.array([[0.0, 0.0, 20.0]]), 0.02)
     assert shadows.hide(np.array([[13.0, 0.0, -10.0], [17.0, 0.0, -10.0], [0.0, 0.0, 25.0]])).tolist() == [True, False, False]
+
+
+def test_surface_that_turns_away_is_hidden_though_points_are_near():
+    """The lower side of a plate that is thinner than its points are apart; its rim, which a scanner grazes, may be there without points."""
+    shadows = Shadows.of(roof(), ABOVE, 0.02)
+    places, up = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.1], [12.0, 0.0, -0.5]]), np.array([[0, 0, 1.0], [0, 0, -1.0], [1.0, 0, 0]])
+    assert shadows.hide_surface(places, up).tolist() == [False, True, True]
+    assert Shadows.of(roof(), np.concatenate([ABOVE, -ABOVE]), 0.02).face(places[:2], up[:2]).all()

@@ -166,6 +166,15 @@ def test_pcd_as_text_and_as_records(tmp_path):
     assert read(tmp_path / "b.pcd").normals == pytest.approx(NORMALS, abs=1e-6)
 
 
+def test_pcd_says_from_where_it_was_scanned(tmp_path):
+    rows = "\n".join(" ".join(map(repr, row)) for row in CLOUD.tolist())
+    for name, viewpoint in (("known", "1.5 -2 3"), ("unknown", "0 0 0")):
+        head = pcd_head("ascii").replace(b"DATA", f"VIEWPOINT {viewpoint} 1 0 0 0\nDATA".encode())
+        (tmp_path / f"{name}.pcd").write_bytes(head + rows.encode())
+    assert np.array_equal(read(tmp_path / "known.pcd").scanners, [[1.5, -2.0, 3.0]])
+    assert read(tmp_path / "unknown.pcd").scanners is None
+
+
 def test_pcd_compressed_with_literals_and_with_references(tmp_path):
     plain = CLOUD.astype("<f4").T.tobytes()
     literal = b"".join(bytes([len(plain[i : i + 32]) - 1]) + plain[i : i + 32] for i in range(0, len(plain), 32))

@@ -40,6 +40,7 @@ LEAST_S = 1.0  # for the reconstruction, however long loading took
 STEP_SHARE = 0.01  # of the budget, which STEP may take beyond it; what Python takes to start comes on top
 MOST_SAID = 6  # groups of holes on the screen; the report has all
 DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
+ALL_SEEN = 0.99  # share of a result's surface that a cloud shows, from which nothing is said of the rest
 SAID_REGIONS, LEAST_SAID = 3, 1e-3  # regions on the screen, and the share of the surface from which one is named
 NEARLY_DONE = ("simplify", "solve")  # stages that take about as long as OpenCASCADE to load
 RARELY = 20_000  # objects more, at which Python looks for cycles of dead ones: at its own 700 that is 2 to 3 % of a fit
@@ -274,6 +275,12 @@ def _verdict_lines(report: Mapping[str, Any]) -> list[str]:
     lines = [f"  {'verdict':<8} {verdict['overall']}: {verdict['says']}"]
     lines += [f"  {'where':<8} {said}{more}"] if said else []
     lines += [f"  {'doubt':<8} {said}" for said in verdict.get("doubts", [])]
+    coverage = report.get("coverage")
+    if coverage is not None and coverage["shares"]["seen"] < ALL_SEEN:
+        unknown = [f"{r['what']} {r['where']}" for r in coverage["regions"] if r["coverage"] == "unknown" and r["share"] >= LEAST_SAID]
+        more = f" and {len(unknown) - SAID_REGIONS} more" if len(unknown) > SAID_REGIONS else ""
+        lines += [f"  {'seen':<8} of the result's surface: {coverage['says']}"]
+        lines += [f"  {'unknown':<8} {'; '.join(unknown[:SAID_REGIONS])}{more}"] if unknown else []
     budget = report.get("settings", {}).get("budget_s")
     helps = verdict["overall"] != "exact" and report["stop"] == "budget_spent" and budget
     return lines + ([f"  {'hint':<8} the time ended the search: try --budget {2 * budget:g}"] if helps else [])

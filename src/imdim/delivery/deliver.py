@@ -18,6 +18,7 @@ import trimesh
 from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
+from imdim.delivery.coverage import cover
 from imdim.delivery.evaluate import DeliveryLoss, evaluate_solid, read_solid
 from imdim.delivery.films import find_film
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
@@ -110,12 +111,15 @@ def deliver(
                 shown = program if target.mesh is not None else with_edges(program, found.edges)
                 verdict = judge(target, surface, segments, shown, run.noisy, run.noise)
                 coloured = verdict.colour(target)
+                noise = verdict.elements.noise
+                covered = None if noise is None else cover(shown, surface, target.points, noise, found.folded, target.scanners)
+                seen = None if covered is None else covered.coloured
             with _time(seconds, "preview"):
                 supersample = 1 if draw_by.has_passed() else SUPERSAMPLE
-                preview(target, surface, scores.to_result.max, coloured, supersample).save(partial / "preview.png")
+                preview(target, surface, scores.to_result.max, coloured, supersample, seen).save(partial / "preview.png")
             with _time(seconds, "page"):
                 document, furthest = _read(partial / "program.json"), scores.to_result.max
-                shown = html.content(document, target, found.parameters, segments, furthest, verdict=coloured)
+                shown = html.content(document, target, found.parameters, segments, furthest, verdict=coloured, coverage=seen)
             with _time(seconds, "films"):
                 film = find_film(surface, target, scores.to_target.max)
                 faults = [*_parted(solid, target), *([] if film is None else [str(film)])]
@@ -128,7 +132,7 @@ def deliver(
             skipped["program.loops.scad"] = "skipped: no time was left" if found.hurried else "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES if name != EDIT_PICTURE}
         drawn = are_drawn(texts["program.scad"])
-        report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, faults, intervals)
+        report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, faults, intervals, covered)
         report[DIGESTS] = digests_of(partial)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")

@@ -41,9 +41,10 @@ class Explanation:
     """How a program explains a cloud, shares of 1 of the program's own surface.
 
     `gain` and `shown_gain`: nats per point by which the program tells the points better than a sheet through their neighbours, by its whole
-    surface and by what points are near; None where the noise bulges, which neighbours tell of one another and no program should; `bare`: surface that no point is near; `blurred`: surface of walls thinner than the noise. Places
-    of the surface `at` [m, 3] are in such a wall where `thin` [m]. Per point asked, `points` [n, 3], `losses` [n] are what the sheet tells
-    it better by. `unseen` is the share of the whole surface that no known scanner could see; the others are of the rest.
+    surface and by what points are near; None where the noise bulges, which neighbours tell of one another and no program should. `bare`:
+    surface that no point is near; `blurred`: surface of walls thinner than the noise. Places of the surface `at` [m, 3] are in such a wall
+    where `thin` [m]. Per point asked, `points` [n, 3], `losses` [n] are what the sheet tells it better by. `unseen` is the share of the
+    whole surface that no known scanner could see; the others are of the rest.
     """
 
     gain: float | None
@@ -91,7 +92,7 @@ def explain(program: Program, points: np.ndarray, model: NoiseModel, scanners: n
     for _ in range(NOISE_ROUNDS):
         noise = expectation_step(points, shown, noise).noise
         shown = SurfaceSamples.of(program, noise.sigma, shadows=shadows)
-    bare = _is_bare(shown, points[np.abs(kernels.program_sdf(program, points)) <= STRAY * noise.sigma], noise)
+    bare = is_bare(shown.points, points[np.abs(kernels.program_sdf(program, points)) <= STRAY * noise.sigma], noise)
     part = replace(shown, points=shown.points[~bare], normals=shown.normals[~bare], area=shown.area * float(np.mean(~bare)))
     thin = ~kernels.inside(program, shown.points - GAP * noise.sigma * shown.normals)
     unseen = 0.0 if shadows is None else max(1 - shown.area / SurfaceSamples.of(program, noise.sigma).area, 0.0)
@@ -115,14 +116,14 @@ def share_borne_out(
     return float(areas[along & (np.abs(at) <= STRAY * deviation)].sum() / areas.sum())
 
 
-def _is_bare(shown: SurfaceSamples, points: np.ndarray, noise: Noise) -> np.ndarray:
-    """Which samples [m] of a surface none of its `points` is near, by how dense they are around the nearest one."""
+def is_bare(places: np.ndarray, points: np.ndarray, noise: Noise) -> np.ndarray:
+    """Which `places` [m, 3] of a surface none of its `points` [n, 3] is near, by how dense they are around the nearest one."""
     if len(points) <= EIGHTH:
-        return np.ones(len(shown.points), bool)
+        return np.ones(len(places), bool)
     tree = KDTree(points)
     eighth = np.asarray(tree.query(points, k=EIGHTH + 1)[0])[:, -1]
     spacing = np.minimum(eighth, THINNER * np.median(eighth)) * math.sqrt(math.pi / EIGHTH)
-    far, nearest = tree.query(shown.points)
+    far, nearest = tree.query(places)
     return far > np.hypot(math.sqrt(EXPECTED / math.pi) * spacing[nearest], GAP * noise.sigma)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from imdim.delivery.coverage import Coverage, describe_coverage
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
 from imdim.delivery.explanation import Explanation
 from imdim.delivery.finish import FinishedProgram
@@ -70,10 +71,11 @@ def report_of(
     drawn: bool = True,
     left_out: Sequence[str] = (),
     intervals: Mapping[str, StatedInterval] | None = None,
+    coverage: Coverage | None = None,
 ) -> dict[str, Any]:
     """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step; `drawn` says
     whether program.scad draws the edges, and `left_out`, a sentence each, what the program lacks. `intervals` are
-    those of the names of a program that is measured off a noisy cloud."""
+    those of the names of a program that is measured off a noisy cloud, and `coverage` is what a cloud shows of the result."""
     program, constraints, folded = delivered.program, delivered.constraints, delivered.folded
     counts, named = count(program), delivered.parameters
     return {
@@ -102,6 +104,7 @@ def report_of(
         **({} if intervals is None else {"intervals": {name: _interval(interval) for name, interval in intervals.items()}}),
         "scores": _scores(scores),
         "verdict": _verdict(verdict),
+        **({} if coverage is None else {"coverage": _coverage(coverage)}),
         "found": {"volume_iou": number(kept.found), "iou_with_delivered": number(kept.delivered)},
         "volumes": {name: number(volume) for name, volume in volumes.items()},
         "stop": run.stop,
@@ -251,6 +254,19 @@ def _verdict(verdict: SurfaceVerdict) -> dict[str, Any]:
         **({} if explanation is None else {"explanation": _explanation(explanation)}),
         **({} if verdict.borne_out is None else {"borne_out": number(verdict.borne_out)}),
         "regions": [_region(region) for region in verdict.regions],
+    }
+
+
+def _coverage(coverage: Coverage) -> dict[str, Any]:
+    """What a cloud shows of the result's surface, shares of 1; `regions` are those that are not seen, the largest first."""
+    return {
+        "says": describe_coverage(coverage),
+        "shares": {name: number(share) for name, share in coverage.shares.items()},
+        "inferred_by": {reason: number(share) for reason, share in coverage.by.items()},
+        "regions": [
+            {"coverage": r.coverage, "by": r.by or None, "share": number(r.share), "what": r.what, "where": r.where}
+            for r in coverage.regions
+        ],
     }
 
 

@@ -23,7 +23,7 @@ from imdim.delivery.region_kind import Recognised, find_double_bends, find_teeth
 from imdim.delivery.surface_elements import SurfaceElements, elements_of
 from imdim.detection.mesh_noise import DEVIATION
 from imdim.detection.noise import MeasuredNoise
-from imdim.export.verdict_colours import VERDICTS, ColouredTarget
+from imdim.export.surface_colours import VERDICTS, ColouredTarget
 from imdim.geometry.components import components
 from imdim.geometry.solid import SEGMENTS
 from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
@@ -261,14 +261,21 @@ def _regions(elements: SurfaceElements, codes: np.ndarray, far: np.ndarray, foun
 def _region(elements: SurfaceElements, chosen: np.ndarray, code: int, kind: str, what: str, far: np.ndarray, total: float) -> JudgedRegion:
     areas, corners = elements.areas[chosen], elements.corners(chosen)
     low, high, share = corners.min(0), corners.max(0), float(areas.sum() / total)
-    mean = areas @ elements.normals[chosen] / areas.sum()
-    axis = int(np.abs(mean).argmax())
-    facing = f" on the {'+' if mean[axis] > 0 else '-'}{'xyz'[axis]} side" if elements.oriented and abs(mean[axis]) >= FACES_ONE_WAY else ""
-    digits = 3 - math.floor(math.log10(elements.diagonal))  # a thousandth of the part
-    size, at = (", ".join(f"{round(v, digits) + 0.0:.6g}" for v in values) for values in (high - low, (low + high) / 2))
-    what = f"{what}, {size.replace(', ', ' x ')}" if what else size.replace(", ", " x ")
+    facing = areas @ elements.normals[chosen] / areas.sum() if elements.oriented else np.zeros(3)
+    size, where = place_region(corners, facing, elements.diagonal)
     furthest = float(far[chosen].max())
-    return JudgedRegion(VERDICTS[code], kind, share, tuple(low.tolist()), tuple(high.tolist()), furthest, what, f"at ({at}){facing}")
+    what = f"{what}, {size}" if what else size
+    return JudgedRegion(VERDICTS[code], kind, share, tuple(low.tolist()), tuple(high.tolist()), furthest, what, where)
+
+
+def place_region(corners: np.ndarray, facing: np.ndarray, diagonal: float) -> tuple[str, str]:
+    """Of which size a region with these `corners` [n, 3] is, and where it lies, in words, to a thousandth of the part's `diagonal`; which
+    side it faces by the mean `facing` [3] of its normals, 0 where nobody knows."""
+    low, high, axis = corners.min(0), corners.max(0), int(np.abs(facing).argmax())
+    side = f" on the {'+' if facing[axis] > 0 else '-'}{'xyz'[axis]} side" if abs(facing[axis]) >= FACES_ONE_WAY else ""
+    digits = 3 - math.floor(math.log10(diagonal))
+    size, at = (", ".join(f"{round(v, digits) + 0.0:.6g}" for v in values) for values in (high - low, (low + high) / 2))
+    return size.replace(", ", " x "), f"at ({at}){side}"
 
 
 def percent(share: float) -> str:

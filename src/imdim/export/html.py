@@ -21,7 +21,7 @@ from imdim.export.hole_names import hole_groups
 from imdim.export.html_surfaces import Box, solid_values, target_values
 from imdim.export.html_tree import constraint_values, leaf_values, name_values, tree_values
 from imdim.export.parameters import Parameters, parametrise
-from imdim.export.verdict_colours import ColouredTarget
+from imdim.export.surface_colours import ColouredResult, ColouredTarget
 from imdim.geometry.edge_solids import surface_with_edges
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.codec import constraints_of, edges_of, from_json, read_folded
@@ -39,12 +39,14 @@ def content(
     worst: float | None = None,
     name: str = "program",
     verdict: ColouredTarget | None = None,
+    coverage: ColouredResult | None = None,
 ) -> dict[str, Any]:
     """What a page draws and lists of a program, as plain values; `document` is a parsed program.json.
 
     Without a `target` the solid stands alone, called `name`. `named` has the names of the other texts, else they come from the document's
     constraints. `worst` is the largest distance from the target to the result, in model units, if it is known better than the page's
-    corners would say, and `verdict` what became of the target. Raises ValueError as `from_json` does for a document that holds no program.
+    corners would say, `verdict` what became of the target, and `coverage` what it shows of the solid. Raises ValueError as
+    `from_json` does for a document that holds no program.
     """
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     named = named or parametrise(program, constraints, program, folded)
@@ -57,7 +59,7 @@ def content(
         "name": name if target is None else target.name,
         "low": box.low.tolist(),
         "high": box.high.tolist(),
-        "solid": solid_values(surface, owners, box),
+        "solid": solid_values(surface, owners, box, coverage),
         "target": None if target is None else target_values(target, surface, box, worst, verdict),
         "leaves": leaf_values(program, label, named),
         "tree": tree_values(folded),

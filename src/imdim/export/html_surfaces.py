@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.spatial import KDTree
 
-from imdim.export.verdict_colours import ColouredTarget
+from imdim.export.surface_colours import ColouredResult, ColouredTarget
 from imdim.geometry.refine import split_edges
 from imdim.geometry.sampling import subsample
 from imdim.geometry.triangles import distances, triangle_tree
@@ -52,13 +53,21 @@ class Box:
         return _base64(np.round((np.asarray(points, np.float64) - self.low) / side * STEPS).astype("<u2"))
 
 
-def solid_values(surface: trimesh.Trimesh, owners: np.ndarray, box: Box) -> dict[str, Any]:
-    """The solid: corners, faces, and the leaf of each face as runs ``[leaf, faces]``."""
-    vertices, faces, kept = cluster_vertices(np.asarray(surface.vertices), np.asarray(surface.faces))
+def solid_values(surface: trimesh.Trimesh, owners: np.ndarray, box: Box, coverage: ColouredResult | None = None) -> dict[str, Any]:
+    """The solid: corners, faces, and the leaf of each face as runs ``[leaf, faces]``; with a `coverage` also that of each face."""
+    vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
+    if coverage is not None:
+        vertices, faces, parents = split_edges(vertices, faces, box.diagonal / FINENESS, MOST_REFINED)
+        owners = owners[parents]
+    vertices, faces, kept = cluster_vertices(vertices, faces)
     starts = np.flatnonzero(np.diff(owners[kept], prepend=-1))
     counts = np.diff(np.append(starts, len(kept)))
     runs = np.column_stack([owners[kept][starts], counts])
-    return {"points": box.pack_points(vertices), "faces": _indices(faces, len(vertices)), "owners": runs.tolist()}
+    out = {"points": box.pack_points(vertices), "faces": _indices(faces, len(vertices)), "owners": runs.tolist()}
+    if coverage is None:
+        return out
+    nearest = KDTree(coverage.mesh.triangles_center).query(vertices[faces].mean(1))[1]
+    return {**out, "coverage": _base64(coverage.codes[nearest].astype(np.uint8))}
 
 
 def target_values(

@@ -5,7 +5,7 @@ Meshes are drawn with a depth buffer, clouds as discs; no display and no GL are 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ import trimesh
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial import KDTree
 
-from imdim.export.verdict_colours import COLOURS, VERDICTS, ColouredTarget
+from imdim.export.surface_colours import COLOURS, COVERAGE_COLOURS, ColouredResult, ColouredTarget
 from imdim.geometry.rows import dot_rows
 from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
 from imdim.geometry.visible import faces_seen
@@ -65,10 +65,15 @@ class Shot:
 
 
 def preview(
-    target: Target, result: trimesh.Trimesh, worst: float, verdict: ColouredTarget | None = None, supersample: int = SUPERSAMPLE
+    target: Target,
+    result: trimesh.Trimesh,
+    worst: float,
+    verdict: ColouredTarget | None = None,
+    supersample: int = SUPERSAMPLE,
+    coverage: ColouredResult | None = None,
 ) -> Image.Image:
     """Three panels, 1500 x 590 pixels, or four, 2000 wide, with a `verdict`; `worst` is the largest distance from the target to the result,
-    in model units. Each pixel is the mean of `supersample` squared finer ones."""
+    in model units. Each pixel is the mean of `supersample` squared finer ones. With a `coverage` the result has its colours."""
     bodies = [target.points if target.mesh is None else target.mesh.vertices, result.vertices]
     camera = _camera(np.concatenate([np.asarray(b, np.float64) for b in bodies]), PANEL * supersample)
     tree = triangle_tree(result)
@@ -76,13 +81,23 @@ def preview(
     top = max(worst, SMALLEST_RANGE * diagonal)
     # faces and distances are looked for without the interpreter, which the other panel has meanwhile
     with ThreadPoolExecutor(1) as beside:
-        second = beside.submit(lambda: _paint(_shoot_mesh(result, camera), RESULT_COLOUR))
+        second = beside.submit(_paint_result, result, camera, coverage)
         mesh = target.mesh if verdict is None or verdict.mesh is None else verdict.mesh
         shot = _shoot_points(target.points, target.normals, camera) if mesh is None else _shoot_mesh(mesh, camera)
         first, third = _paint(shot, TARGET_COLOUR), _paint(shot, _heat(shot, tree, top))
         panels = [first, second.result(), third]
         panels += [] if verdict is None else [_paint(shot, COLOURS[verdict.codes[shot.owners]])]
-    return _sheet(panels, target.name, top, worst, diagonal, verdict)
+    sheet = _sheet(panels, target.name, top, worst, diagonal, verdict)
+    if coverage is not None:
+        _key(ImageDraw.Draw(sheet), GAP // 2 + PANEL + GAP, coverage.shares, COVERAGE_COLOURS)
+    return sheet
+
+
+def _paint_result(result: trimesh.Trimesh, camera: Camera, coverage: ColouredResult | None) -> Image.Image:
+    if coverage is None:
+        return _paint(_shoot_mesh(result, camera), RESULT_COLOUR)
+    shot = _shoot_mesh(coverage.mesh, camera)
+    return _paint(shot, COVERAGE_COLOURS[coverage.codes[shot.owners]])
 
 
 def side_by_side(target: Target, result: trimesh.Trimesh, pixels: int) -> tuple[Image.Image, Image.Image]:
@@ -251,15 +266,15 @@ def _sheet(panels: list[Image.Image], name: str, top: float, worst: float, diago
     text = f"worst distance {worst:.4g} ({worst / diagonal:.2%} of the diagonal {diagonal:.4g}), in model units"
     draw.text((GAP // 2 + 8, HEADER + PANEL + 22), text, font=ImageFont.load_default(16), fill=FAINT)
     if verdict is not None:
-        _key(draw, GAP // 2 + 3 * (PANEL + GAP), verdict)
+        _key(draw, GAP // 2 + 3 * (PANEL + GAP), verdict.shares, COLOURS)
     return sheet
 
 
-def _key(draw: ImageDraw.ImageDraw, left: int, verdict: ColouredTarget) -> None:
-    """The three colours with their shares of the surface."""
+def _key(draw: ImageDraw.ImageDraw, left: int, shares: Mapping[str, str], colours: np.ndarray) -> None:
+    """The colours [k, 3] with their shares of the surface, in words."""
     x, y, font = left + 8, HEADER + PANEL + 22, ImageFont.load_default(16)
-    for name, colour in zip(VERDICTS, COLOURS, strict=True):
-        text = f"{name} {verdict.shares[name]}"
+    for (name, share), colour in zip(shares.items(), colours, strict=True):
+        text = f"{name} {share}"
         draw.rectangle([x, y + 3, x + 14, y + 17], fill=tuple(colour.astype(int)), outline=FAINT)
         draw.text((x + 20, y), text, font=font, fill=INK)
         x += 20 + int(draw.textlength(text, font=font)) + 18

@@ -42,7 +42,7 @@ from imdim.target.target import Frame, InputError, Target, target_from
 if TYPE_CHECKING:
     from imdim.learn.policy import Policy
 
-NO_EDGES = "fillets and chamfers are only looked for on closed meshes and on clouds that do not bulge: here they are part of the shape, or left out"
+NO_EDGES = "fillets and chamfers are only looked for on closed meshes and on even clouds: here they are part of the shape, or left out"
 
 
 MOST_POINTS = 20_000  # of a cloud, that tell of its edges

@@ -1,8 +1,8 @@
 """Whether a cloud was seen from the origin of its coordinates, where depth cameras and their drivers put themselves.
 
 No point of such a cloud lies behind another one as seen from there. Of a cloud from all sides about half of the points do: those of the
-backs. A point is behind another one that is nearer in nearly the same line of sight and lies before the plane of its own neighbours, so that
-points at a slant, which lie behind one another along their own surface, do not count.
+backs. A point is behind another one that is nearer in nearly the same line of sight and lies before the plane of its own neighbours, so
+that points at a slant, which lie behind one another along their own surface, do not count.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ AHEAD = 0.5  # least cosine between the camera's sight of the cloud's middle and
 
 
 def find_camera(points: np.ndarray) -> np.ndarray | None:
-    """The origin, as the only one of the scanners [1, 3] of a cloud of `points` [n, 3], if all of it could be seen from there; else None."""
+    """The origin, as the only scanner [1, 3] of a cloud of `points` [n, 3], if all of it could be seen from there; else None."""
     low, high = points.min(0), points.max(0)
     diagonal = float(np.linalg.norm(high - low))
     if np.linalg.norm(np.clip(0.0, low, high)) < AWAY * diagonal:

@@ -41,7 +41,8 @@ function startView(at, data) {
     return null;
   }
   if (data.target) panes.target.append(legend(view.top));
-  if (view.verdicts && data.report) panes.target.append(verdictLegend(data.report.verdict.shares));
+  if (view.verdicts && data.report) panes.target.append(shareLegend("verdicts", VERDICTS, data.report.verdict.shares));
+  if (view.coverage && data.report) panes.result.append(shareLegend("coverage", COVERAGES, data.report.coverage.shares));
   view.onPoint = (distance) => {
     const text = distance === null ? "" : `distance here: about ${shortNumber(Number(distance.toPrecision(3)))}`;
     panes.target.querySelector(".readout").textContent = text;
@@ -71,13 +72,19 @@ function legend(top) {
   return element("div", { class: "legend" }, element("p", { class: "readout", "aria-live": "polite" }), bar, element("div", { class: "marks" }, ...marks));
 }
 
-/** What the colours of verdicts mean, with the shares of the surface; hidden until they are drawn. */
-function verdictLegend(shares) {
-  const entry = ([name, color]) => {
-    const swatch = element("span", { class: `swatch ${name.replace(" ", "-")}` });
-    return element("li", {}, swatch, ` ${name} ${shareText(shares[name])}`);
+/** The legend that belongs to the colours of the result. */
+function showCoverage(on) {
+  const list = document.querySelector(".coverage");
+  if (list) list.hidden = !on;
+}
+
+/** What colours mean, with their shares of the surface; hidden until they are drawn. */
+function shareLegend(name, colors, shares) {
+  const entry = ([word]) => {
+    const swatch = element("span", { class: `swatch ${word.replace(" ", "-")}` });
+    return element("li", {}, swatch, ` ${word} ${shareText(shares[word])}`);
   };
-  return element("ul", { class: "verdicts", hidden: "" }, ...Object.entries(VERDICTS).map(entry));
+  return element("ul", { class: `shares ${name}`, hidden: "" }, ...Object.entries(colors).map(entry));
 }
 
 /** The buttons under the view; returns what keys do, by letter. */
@@ -99,6 +106,7 @@ function tools(bar, view, hasTarget) {
   };
   if (hasTarget) toggle("Distances", "d", "distances");
   if (view.verdicts) toggle("Verdict", "v", "verdicts", showVerdicts);
+  if (view.coverage) toggle("Seen", "n", "coverage", showCoverage);
   toggle("Operations", "o", "operations");
   toggle("Cutters", "c", "cutters");
   toggle("Edges", "e", "edges");

@@ -146,6 +146,7 @@ function sheets(data, select) {
     out.push(sheet("Notes on the target", element("ul", {}, ...report.target.notes.map((note) => element("li", {}, note)))));
   }
   if (report && report.verdict) out.push(verdictSheet(report.verdict));
+  if (report && report.coverage) out.push(coverageSheet(report.coverage));
   if (front && front.choices.length) out.push(frontSheet(front));
   if (data.names.length) {
     const stated = (data.report && data.report.intervals) || {}; // of a noisy cloud: how well it knows each
@@ -184,6 +185,15 @@ function verdictSheet({ says, regions }) {
   const note = `The button Verdict under the view colours the target by this.${more}`;
   const list = rows.length ? table(rows, ["verdict", "what and where", "furthest off"]) : null;
   return sheet("Verdict", ...[element("p", {}, `${says}.`), element("p", { class: "quiet" }, note), list].filter(Boolean));
+}
+
+/** What a cloud shows of the result's surface: shares, and the regions that it does not show. */
+function coverageSheet({ says, regions }) {
+  const row = (region) => [`${shareText(region.share)} ${region.coverage}`, region.by || "", `${region.what} ${region.where}`];
+  const rows = regions.slice(0, MOST_REGIONS).map(row);
+  const note = "The button Seen under the view colours the result by this.";
+  const list = rows.length ? table(rows, ["not seen", "inferred from", "what and where"]) : null;
+  return sheet("Seen", ...[element("p", {}, `${says}.`), element("p", { class: "quiet" }, note), list].filter(Boolean));
 }
 
 function reportSheets(report) {

@@ -8,6 +8,7 @@ const CUTTER = [214, 40, 40, 255];
 const PICKED = [255, 170, 20, 255];
 const LINE = [38, 46, 58, 255];
 const RAMP = [[222, 226, 230], [250, 214, 140], [244, 142, 60], [204, 40, 40], [96, 0, 30]];
+const COVERAGES = { seen: [112, 158, 204], inferred: [186, 164, 214], unknown: [228, 128, 96] };
 const VERDICTS = { exact: [222, 226, 230], approximated: [244, 178, 60], "left out": [190, 30, 60] };
 
 /** The colour of a distance, as a share of the scale from 0 to 1. */
@@ -82,7 +83,7 @@ class View {
     this.panes = panes;
     this.leaves = data.leaves;
     this.box = { low: data.low, high: data.high, diagonal: norm(sub(data.high, data.low)) || 1 };
-    this.show = { distances: true, verdicts: false, operations: true, cutters: false, edges: true };
+    this.show = { distances: true, verdicts: false, coverage: false, operations: true, cutters: false, edges: true };
     this.picked = new Set();
     this.camera = new Camera();
     this.shapes = new Map();
@@ -100,6 +101,7 @@ class View {
     const faces = facesOf(data.solid.faces, solid.length / 3);
     this.owners = data.solid.owners.flatMap(([leaf, count]) => Array(count).fill(leaf));
     this.solid = this.#surface(drawable(solid, faces), new Uint8Array(4 * faces.length));
+    this.coverage = data.solid.coverage ? bytesOf(data.solid.coverage) : null;
     this.target = null;
     if (data.target) {
       const points = pointsOf(data.target.points, this.box);
@@ -144,8 +146,10 @@ class View {
       return any ? faded(color) : color;
     });
     const colors = new Uint8Array(12 * this.owners.length).fill(255);
+    const shown = this.show.coverage && this.coverage && Object.values(COVERAGES);
     this.owners.forEach((leaf, f) => {
-      for (let c = 0; c < 3; c++) for (let k = 0; k < 3; k++) colors[12 * f + 4 * c + k] = tint[leaf][k];
+      const color = shown && !this.picked.has(leaf) ? shown[this.coverage[f]] : tint[leaf];
+      for (let c = 0; c < 3; c++) for (let k = 0; k < 3; k++) colors[12 * f + 4 * c + k] = color[k];
     });
     this.renderer.recolor(this.solid.body, colors);
     if (this.target) this.renderer.recolor(this.target.body, this.#targetColors());

@@ -1,4 +1,4 @@
-"""A target's surface coloured by what became of it: the words, the colours, and the pieces that pictures draw."""
+"""Surfaces coloured by what is known of them: what became of a target's, and what of a result's a cloud shows."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import trimesh
 
 VERDICTS = ("exact", "approximated", "left out")
 COLOURS = np.array([[222, 226, 230], [244, 178, 60], [190, 30, 60]], float)  # light grey, amber, crimson
+COVERAGES = ("seen", "inferred", "unknown")
+COVERAGE_COLOURS = np.array([[112, 158, 204], [186, 164, 214], [228, 128, 96]], float)  # blue, violet, brick
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,5 +20,15 @@ class ColouredTarget:
     VERDICTS. `shares` of the surface by verdict, in words."""
 
     mesh: trimesh.Trimesh | None
+    codes: np.ndarray
+    shares: Mapping[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class ColouredResult:
+    """A result's surface as a `mesh` of small faces, with what a cloud shows of each: `codes` [n], places in COVERAGES. `shares` of the
+    surface by coverage, in words."""
+
+    mesh: trimesh.Trimesh
     codes: np.ndarray
     shares: Mapping[str, str]

@@ -1,0 +1,52 @@
+"""Whether a cloud was seen from its origin, by simulated scans from one side and from all of them."""
+
+import numpy as np
+import pytest
+from tests.planted import box, cut, cylinder, mesh_of, union
+
+from imdim.target.scan import VIEWS, parse_condition, scan
+from imdim.target.target import load_target, target_from
+from imdim.target.viewpoint import find_camera
+
+BRACKET = cut(union(box(60, 40, 8), box(60, 8, 30, (0, 16, 15))), *(cylinder(4, 40, (x, -6, 0)) for x in (-18, 18)))
+FAR = 50_000.0  # from where a scan's parallel rays come
+
+
+def cloud_of(condition, part=BRACKET):
+    wanted = parse_condition(condition)
+    assert wanted is not None
+    return scan(mesh_of(part), wanted, np.random.default_rng(3))[0]
+
+
+@pytest.mark.parametrize("condition", ["views=1", "noise=0.3%+views=1", "noise=0.5%+outliers=2%+views=1"])
+def test_one_side_was_seen_from_where_its_camera_stood(condition):
+    points = cloud_of(condition) - FAR * VIEWS[0]
+    assert np.array_equal(find_camera(points), np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize("condition", ["cloud", "noise=0.5%+outliers=2%", "noise=0.3%+views=3"])
+@pytest.mark.parametrize("way", VIEWS[:6])
+def test_what_is_seen_from_all_around_was_not_seen_from_one_place(condition, way):
+    assert find_camera(cloud_of(condition) - FAR * way) is None
+    assert find_camera(cloud_of(condition) - 120.0 * way) is None
+
+
+def test_one_side_was_not_seen_from_within_its_box_or_near_it():
+    points = cloud_of("views=1")
+    assert find_camera(points) is None
+    assert find_camera(points - 30.0 * VIEWS[0]) is None
+
+
+def test_one_side_was_not_seen_from_where_its_upright_wall_hides_its_floor():
+    points = cloud_of("views=1", union(box(60, 60, 4), box(60, 4, 40, (0, -10, 20))))
+    assert find_camera(points - FAR * VIEWS[0]) is not None
+    assert find_camera(points - FAR * np.array([0.0, -0.96, 0.28])) is None
+
+
+def test_a_cloud_from_a_camera_says_so(tmp_path):
+    points = cloud_of("noise=0.3%+views=1") - FAR * VIEWS[0]
+    target = target_from(points)
+    assert np.array_equal(target.scanners, np.zeros((1, 3)))
+    assert any("from the origin" in note for note in target.notes)
+    np.savez(tmp_path / "told.npz", points=points, scanners=[[0.0, 0.0, 9.0]])
+    assert np.array_equal(load_target(tmp_path / "told.npz").scanners, [[0.0, 0.0, 9.0]])  # who says so knows better
