@@ -116,7 +116,7 @@ def deliver(
                 seen = None if covered is None else covered.coloured
             with _time(seconds, "preview"):
                 supersample = 1 if draw_by.has_passed() else SUPERSAMPLE
-                preview(target, surface, scores.to_result.max, coloured, supersample, seen).save(partial / "preview.png")
+                preview(target, surface, scores.to_result.max, coloured, seen, supersample).save(partial / "preview.png")
             with _time(seconds, "page"):
                 document, furthest = _read(partial / "program.json"), scores.to_result.max
                 shown = html.content(document, target, found.parameters, segments, furthest, verdict=coloured, coverage=seen)

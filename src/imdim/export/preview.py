@@ -69,11 +69,11 @@ def preview(
     result: trimesh.Trimesh,
     worst: float,
     verdict: ColouredTarget | None = None,
-    supersample: int = SUPERSAMPLE,
     coverage: ColouredResult | None = None,
+    supersample: int = SUPERSAMPLE,
 ) -> Image.Image:
     """Three panels, 1500 x 590 pixels, or four, 2000 wide, with a `verdict`; `worst` is the largest distance from the target to the result,
-    in model units. Each pixel is the mean of `supersample` squared finer ones. With a `coverage` the result has its colours."""
+    in model units. With a `coverage` the result has its colours. Each pixel is the mean of `supersample` squared finer ones."""
     bodies = [target.points if target.mesh is None else target.mesh.vertices, result.vertices]
     camera = _camera(np.concatenate([np.asarray(b, np.float64) for b in bodies]), PANEL * supersample)
     tree = triangle_tree(result)

@@ -250,10 +250,18 @@ def main() -> None:
             sys.stdout.write(json.dumps([stage.volume, len(edges), sharp]) + "\n")
             sys.stdout.flush()
     except (StepError, OSError) as error:
-        sys.exit(str(error))
+        sys.stderr.write(f"{error}\n")
+        _leave(1)
+
+
+def _leave(status: int) -> None:
+    """End at once: to take all classes of OpenCASCADE apart first is a third of a second, for which the fit would wait, and they may have
+    something to say to that."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 if __name__ == "__main__":
     main()
-    sys.stdout.flush()
-    os._exit(0)  # to take all classes of OpenCASCADE apart first is a third of a second, for which the fit would wait
+    _leave(0)

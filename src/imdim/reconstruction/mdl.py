@@ -45,6 +45,7 @@ MOST_ASKED = 6  # times that a policy is asked for more
 MOST_DRAWN, OF_EACH = 16, 3  # outlines that the points show, of which more than one may go through the same walls; and of each kind
 SCANNED, VIEWED = 1000, 500  # points of a scanned mesh, and of what a depth camera saw, whose waves are longer
 COUNTED = 0.66  # of these
+OFF = 2.0  # of it, by which a real thing may be off in one place: what follows that is no feature
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
 BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are hardly told from one
 SKINS = 0.3  # of a program's surface on walls thinner than the noise, from which there may be less noise
@@ -191,7 +192,7 @@ class _NoisyCloud:
         fit_by = leave_time_to_deliver(best.program, fit_by, ALLOWED_AFTER_S)
         points = subsample(self.points, MOST_POINTS)
         best = best if self.trifle else self._without_spare(best, fit_by.ahead(SPARE_SHARE * fit_by.left()))
-        shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by, self.shadows), deadline=fit_by)
+        shorter = reduce_program(without_trifles(best.program, OFF * self.trifle, fit_by, self.shadows), deadline=fit_by)
         numbers_by = fit_by.ahead(NUMBERS_SHARE * fit_by.left())
         program, constraints = hold_relations(fit_numbers(shorter, points, best.noise, numbers_by, CAREFUL), points, fit_by)
         return NoisyFit(program, constraints, cut or numbers_by.has_passed())
