@@ -19,6 +19,7 @@ from scipy.spatial import KDTree
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import radii
+from imdim.numbers.clutter import ClutterBox, clutter_density
 from imdim.numbers.em import in_plane
 from imdim.numbers.face_coordinates import lift_numbers, shift_leaves
 from imdim.numbers.likelihood import NEIGHBOURS, WIDE, Noise, SurfaceSamples
@@ -136,11 +137,11 @@ def inform(points: np.ndarray, shown: SurfaceSamples, bends: np.ndarray, tangent
     """The information of `points` [n, 3] on coordinates that the distances from samples with `bends` [m, 3, 3] grow by as `tangents` [m, p]
     say."""
     m, n = len(shown.points), len(points)
-    box = float(np.prod(np.maximum(np.ptp(points, axis=0), noise.sigma)))
     wide = max(noise.sigma, WIDE * shown.spacing)
     near = np.asarray(KDTree(shown.points).query(points, k=min(NEIGHBOURS, m), distance_upper_bound=4 * wide)[1]).reshape(n, -1)
     peak = (1 - noise.clutter) / m / ((2 * np.pi) ** 1.5 * noise.sigma * wide**2)
-    weight, away = _share(points, shown.points, shown.normals, bends, near, noise.sigma, wide, noise.clutter / box / peak)
+    strewn = noise.clutter * clutter_density(points, noise.sigma, noise.strewn) / peak
+    weight, away = _share(points, shown.points, shown.normals, bends, near, noise.sigma, wide, strewn)
     held = near < m
     rows, columns = np.nonzero(held)[0], near[held]
     pull = weight * away
@@ -148,7 +149,8 @@ def inform(points: np.ndarray, shown: SurfaceSamples, bends: np.ndarray, tangent
     mass = np.bincount(columns, weight[held], m)
     square = np.bincount(columns, (pull * away)[held], m)
     total = max(float(mass.sum()), 1.0)
-    after = replace(noise, sigma=float(np.sqrt(square.sum() / total)), clutter=min(max(1 - total / n, 1e-3), 0.5))
+    sigma, clutter = float(np.sqrt(square.sum() / total)), min(max(1 - total / n, 1e-3), 0.5)
+    after = replace(noise, sigma=sigma, clutter=clutter, strewn=ClutterBox.of(points, 1 - weight.sum(1)))
     places = shown.points[np.minimum(near[np.arange(n), np.argmax(weight, axis=1)], m - 1)]
     scatter = slopes.T @ slopes
     known = (mass / noise.sigma**2 - square / noise.sigma**4)[:, None] * tangents
@@ -199,7 +201,7 @@ def _share(points, samples, normals, bends, near, sigma, wide, clutter):  # prag
     weight, away = np.zeros((n, k)), np.zeros((n, k))
     e = np.empty(3)
     for i in range(n):
-        total = clutter
+        total = clutter[i]
         for j in range(k):
             q = near[i, j]
             if q >= len(samples):

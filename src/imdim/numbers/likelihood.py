@@ -17,10 +17,11 @@ from numba import njit
 
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
-from imdim.geometry.point_grid import PointGrid, find_bounds, measure_diagonal
+from imdim.geometry.point_grid import PointGrid, measure_diagonal
 from imdim.geometry.sampling import even_surfaces
 from imdim.geometry.shadows import Shadows
 from imdim.geometry.surface_map import surface_area
+from imdim.numbers.clutter import ClutterBox, clutter_density
 from imdim.program.tree import FLAT_ENDS, KINDS, Primitive, Program, leaves
 
 NEIGHBOURS = 40  # both skins of a thin wall, and the walls of a corner, have to be among them
@@ -37,13 +38,15 @@ WIDE = 0.7  # a sample's deviation along the surface, times the side of the squa
 
 @dataclass(frozen=True)
 class Noise:
-    """`sigma`: deviation of a coordinate, in units of the points; `clutter`: share of points that belong to no surface; `least`: what
-    `sigma` is at least, however near to a surface the points lie. In the `shadows` of known scanners no surface bears points."""
+    """`sigma`: deviation of a coordinate, in units of the points; `clutter`: share of points that belong to no surface, most of them in the
+    box `strewn` if that is known; `least`: what `sigma` is at least, however near to a surface the points lie. In the `shadows` of known
+    scanners no surface bears points."""
 
     sigma: float
     clutter: float = 0.01
     least: float = 0.0
     shadows: Shadows | None = None
+    strewn: ClutterBox | None = None
 
 
 @dataclass(frozen=True)
@@ -114,25 +117,25 @@ class Responsibilities:
 
 def expectation_step(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Responsibilities:
     """The expectation step for `points` [n, 3]."""
-    m, (low, high) = len(shown.points), find_bounds(points)
-    box = float(np.prod(np.maximum(high - low, noise.sigma)))
+    m, strewn = len(shown.points), noise.clutter * clutter_density(points, noise.sigma, noise.strewn)
     wide = max(noise.sigma, WIDE * shown.spacing)
     peak = math.log((1 - noise.clutter) / max(m, 1)) - 1.5 * math.log(2 * math.pi) - math.log(noise.sigma) - 2 * math.log(wide)
     if m == 0:
-        log = math.log(noise.clutter / box)
-        return Responsibilities(np.zeros(0), np.zeros(0), noise, -log, np.full(len(points), log))
+        logs = np.log(strewn)
+        return Responsibilities(np.zeros(0), np.zeros(0), noise, -float(logs.mean()), logs)
     grid = PointGrid.of(shown.points, REACH * wide)
-    clutter = math.exp(math.log(noise.clutter / box) - peak)
+    strewn = np.exp(np.log(strewn) - peak)
     arrays = np.ascontiguousarray(points), shown.points[grid.order], shown.normals[grid.order]
     cells = grid.first, grid.low, grid.cell, grid.shape
-    sorted_mass, sorted_moment, square, log, logs = _shares(*arrays, *cells, noise.sigma, wide, REACH * wide, clutter)
+    sorted_mass, sorted_moment, square, log, logs = _shares(*arrays, *cells, noise.sigma, wide, REACH * wide, strewn)
     mass, moment = np.empty(m), np.empty(m)
     mass[grid.order], moment[grid.order] = sorted_mass, sorted_moment
     held = float(mass.sum())
     offset = np.divide(moment, mass, out=np.zeros(m), where=mass > 1e-12)
     sigma = math.sqrt(square / held) if held > 0 else noise.sigma
     clutter = min(max(1 - held / len(points), 1e-3), 0.5)
-    after = replace(noise, sigma=max(sigma, noise.least), clutter=clutter)
+    box = ClutterBox.of(points, strewn / np.exp(logs))
+    after = replace(noise, sigma=max(sigma, noise.least), clutter=clutter, strewn=box)
     return Responsibilities(mass, offset, after, -(log / len(points) + peak), logs + peak)
 
 
@@ -167,7 +170,8 @@ def _visible(program: Lowered, parts: list[Primitive], counts: np.ndarray, gap: 
 
 @njit(nogil=True, cache=True)
 def _shares(points, samples, normals, first, low, cell, shape, sigma, wide, reach, clutter):  # pragma: no cover - compiled
-    """What the samples, cell after cell of a grid (`PointGrid`), have of the points, by the densities of those within `reach`."""
+    """What the samples, cell after cell of a grid (`PointGrid`), have of the points, by the densities of those within `reach` and of the
+    `clutter` [n] at each."""
     n, m = len(points), len(samples)
     mass, moment = np.zeros(m), np.zeros(m)
     square, log = 0.0, 0.0
@@ -180,7 +184,7 @@ def _shares(points, samples, normals, first, low, cell, shape, sigma, wide, reac
             # a place beyond the margin is near nothing, wherever it is looked for
             share = min(max((points[i, c] - low[c]) / cell, 0.0), shape[c] - 1.0)
             at[c] = int(share)
-        total, count = clutter, 0
+        total, count = clutter[i], 0
         bottom, top = max(at[2] - 1, 0), min(at[2] + 1, shape[2] - 1)
         for a in range(max(at[0] - 1, 0), min(at[0] + 2, shape[0])):
             for b in range(max(at[1] - 1, 0), min(at[1] + 2, shape[1])):
