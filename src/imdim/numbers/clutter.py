@@ -1,7 +1,7 @@
 """Where the points of a cloud lie that belong to no surface: mostly in a box of their own, which is seldom that of all points.
 
-The box of all points is wider than that of the clutter where noise reaches out of it. A density that is then too low within thin walls, and too
-high beside them, draws both skins inwards.
+The box of all points is wider than that of the clutter where noise reaches out of it. A density that is then too low within thin walls, and
+too high beside them, draws both skins inwards.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class ClutterBox:
 
 
 def clutter_density(points: np.ndarray, sigma: float, box: ClutterBox | None) -> np.ndarray:
-    """The density [n] of clutter at `points` [n, 3], per cubed unit: even in the box of the points if nobody knows better, which is taken to
-    be `sigma` wide at least."""
+    """The density [n] of clutter at `points` [n, 3], per cubed unit: even in the box of the points if nobody knows better, whose sides are
+    taken to be `sigma` long at least."""
     low, high = find_bounds(points)
     even = np.full(len(points), 1 / float(np.prod(np.maximum(high - low, sigma))))
     if box is None:
