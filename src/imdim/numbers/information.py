@@ -19,7 +19,6 @@ from scipy.spatial import KDTree
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import radii
-from imdim.numbers.clutter import ClutterBox, clutter_density
 from imdim.numbers.em import in_plane
 from imdim.numbers.face_coordinates import lift_numbers, shift_leaves
 from imdim.numbers.likelihood import NEIGHBOURS, WIDE, Noise, SurfaceSamples
@@ -140,7 +139,7 @@ def inform(points: np.ndarray, shown: SurfaceSamples, bends: np.ndarray, tangent
     wide = max(noise.sigma, WIDE * shown.spacing)
     near = np.asarray(KDTree(shown.points).query(points, k=min(NEIGHBOURS, m), distance_upper_bound=4 * wide)[1]).reshape(n, -1)
     peak = (1 - noise.clutter) / m / ((2 * np.pi) ** 1.5 * noise.sigma * wide**2)
-    strewn = noise.clutter * clutter_density(points, noise.sigma, noise.strewn) / peak
+    strewn = noise.clutter * noise.strewn.density(points, noise.sigma) / peak
     weight, away = _share(points, shown.points, shown.normals, bends, near, noise.sigma, wide, strewn)
     held = near < m
     rows, columns = np.nonzero(held)[0], near[held]
@@ -150,7 +149,7 @@ def inform(points: np.ndarray, shown: SurfaceSamples, bends: np.ndarray, tangent
     square = np.bincount(columns, (pull * away)[held], m)
     total = max(float(mass.sum()), 1.0)
     sigma, clutter = float(np.sqrt(square.sum() / total)), min(max(1 - total / n, 1e-3), 0.5)
-    after = replace(noise, sigma=sigma, clutter=clutter, strewn=ClutterBox.of(points, 1 - weight.sum(1)))
+    after = replace(noise, sigma=sigma, clutter=clutter)
     places = shown.points[np.minimum(near[np.arange(n), np.argmax(weight, axis=1)], m - 1)]
     scatter = slopes.T @ slopes
     known = (mass / noise.sigma**2 - square / noise.sigma**4)[:, None] * tangents

@@ -21,7 +21,7 @@ from imdim.geometry.point_grid import PointGrid, measure_diagonal
 from imdim.geometry.sampling import even_surfaces
 from imdim.geometry.shadows import Shadows
 from imdim.geometry.surface_map import surface_area
-from imdim.numbers.clutter import ClutterBox, clutter_density
+from imdim.numbers.clutter import EVERYWHERE, ClutterBox
 from imdim.program.tree import FLAT_ENDS, KINDS, Primitive, Program, leaves
 
 NEIGHBOURS = 40  # both skins of a thin wall, and the walls of a corner, have to be among them
@@ -39,14 +39,14 @@ WIDE = 0.7  # a sample's deviation along the surface, times the side of the squa
 @dataclass(frozen=True)
 class Noise:
     """`sigma`: deviation of a coordinate, in units of the points; `clutter`: share of points that belong to no surface, most of them in the
-    box `strewn` if that is known; `least`: what `sigma` is at least, however near to a surface the points lie. In the `shadows` of known
+    box `strewn`; `least`: what `sigma` is at least, however near to a surface the points lie. In the `shadows` of known
     scanners no surface bears points."""
 
     sigma: float
     clutter: float = 0.01
     least: float = 0.0
     shadows: Shadows | None = None
-    strewn: ClutterBox | None = None
+    strewn: ClutterBox = EVERYWHERE
 
 
 @dataclass(frozen=True)
@@ -117,24 +117,24 @@ class Responsibilities:
 
 def expectation_step(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Responsibilities:
     """The expectation step for `points` [n, 3]."""
-    m, strewn = len(shown.points), noise.clutter * clutter_density(points, noise.sigma, noise.strewn)
+    m, strewn = len(shown.points), noise.clutter * noise.strewn.density(points, noise.sigma)
     wide = max(noise.sigma, WIDE * shown.spacing)
     peak = math.log((1 - noise.clutter) / max(m, 1)) - 1.5 * math.log(2 * math.pi) - math.log(noise.sigma) - 2 * math.log(wide)
     if m == 0:
         logs = np.log(strewn)
         return Responsibilities(np.zeros(0), np.zeros(0), noise, -float(logs.mean()), logs)
     grid = PointGrid.of(shown.points, REACH * wide)
-    strewn = np.exp(np.log(strewn) - peak)
+    relative = np.exp(np.log(strewn) - peak)
     arrays = np.ascontiguousarray(points), shown.points[grid.order], shown.normals[grid.order]
     cells = grid.first, grid.low, grid.cell, grid.shape
-    sorted_mass, sorted_moment, square, log, logs = _shares(*arrays, *cells, noise.sigma, wide, REACH * wide, strewn)
+    sorted_mass, sorted_moment, square, log, logs = _shares(*arrays, *cells, noise.sigma, wide, REACH * wide, relative)
     mass, moment = np.empty(m), np.empty(m)
     mass[grid.order], moment[grid.order] = sorted_mass, sorted_moment
     held = float(mass.sum())
     offset = np.divide(moment, mass, out=np.zeros(m), where=mass > 1e-12)
     sigma = math.sqrt(square / held) if held > 0 else noise.sigma
     clutter = min(max(1 - held / len(points), 1e-3), 0.5)
-    box = ClutterBox.of(points, strewn / np.exp(logs))
+    box = noise.strewn.fit(points, np.exp(logs + peak) - strewn, clutter, noise.sigma)
     after = replace(noise, sigma=max(sigma, noise.least), clutter=clutter, strewn=box)
     return Responsibilities(mass, offset, after, -(log / len(points) + peak), logs + peak)
 

@@ -15,7 +15,6 @@ import numpy as np
 from numba import njit
 
 from imdim.geometry import kernels
-from imdim.numbers.clutter import clutter_density
 from imdim.numbers.likelihood import Noise
 from imdim.program.tree import Program
 from imdim.search.mdl.description_length import SKIN, count_each
@@ -36,7 +35,7 @@ class PointScene:
         self.drawn, self.count = draws.at(noise.sigma), count or len(points)
         self.clutter = noise.clutter
         self.number = 0.5 * math.log(self.count) / self.count  # nats per point that a number costs
-        self.strewn = float(clutter_density(points, self.drawn.sigma, noise.strewn).max())  # where most of the clutter is
+        self.strewn = float(noise.strewn.density(points, self.drawn.sigma).max())  # where most of the clutter is
 
 
 @dataclass(frozen=True)
