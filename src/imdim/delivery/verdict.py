@@ -36,6 +36,7 @@ ALONG = 0.5  # cosine between a normal and the way to the result: it runs beside
 STEP = 0.25  # of the tolerance: what the slope of the distance is measured over
 WHOLE = 0.99  # share of the surface that is exact, from which a part is
 MOSTLY = 0.5  # share that is left out, from which a result is none; that is blurred, from which its inside is a guess
+ONE_SIDE = 0.4  # share of a result that no scanner could see, from which it is one in part: from one side that is about half
 BORNE_OUT = 0.9  # share of a scan's surface that a program must run along; what it leaves out else is more than dents and bulges
 LOST = 0.1  # share of a scan's surface that is left out, from which a result is one in part
 BARE = 0.05  # share of a result's surface that no point is near, from which it is a result in part
@@ -87,7 +88,7 @@ class SurfaceVerdict:
         explanation, borne_out = self.explanation, 1.0 if self.borne_out is None else self.borne_out
         if borne_out < MOSTLY or (explanation is not None and explanation.is_shown_worse):
             return "not explained"
-        guessed = explanation is not None and (explanation.bare > BARE or max(explanation.blurred, explanation.unseen) > MOSTLY)
+        guessed = explanation is not None and (explanation.bare > BARE or explanation.blurred > MOSTLY or explanation.unseen > ONE_SIDE)
         if borne_out < BORNE_OUT or self._is_lost or guessed or (explanation is not None and explanation.is_worse):
             return "partial"
         whole = self.shares["exact"] >= WHOLE and (explanation is None or explanation.bare + explanation.unseen <= 1 - WHOLE)
