@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from tests.export.coincident import MEANT
-from tests.planted import box, cut, cylinder
+from tests.planted import box, cut, cylinder, mesh_of
 
 from imdim.delivery.deliver import RunRecord, deliver
 from imdim.delivery.finish import finish
@@ -18,6 +18,7 @@ from imdim.program.codec import to_json
 from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive
 from imdim.relations.discover import exact_relations
+from imdim.target.scan import Condition, scan
 from imdim.target.target import Target, target_from
 
 CHROMIUM = shutil.which("chromium")
@@ -142,6 +143,31 @@ def test_dragging_and_keys_turn_both(opened, report):
     for _ in range(3):
         tab.mouse.wheel(0, 240)
     assert drawn(pixels(tab, 1)) < 0.8 * small
+
+
+@pytest.fixture(scope="module")
+def scan_report(tmp_path_factory):
+    """The report of a block of which one side was seen."""
+    block = box(40, 30, 20)
+    points = scan(mesh_of(block), Condition(noise=0.002, views=1), np.random.default_rng(0), 4000)[0]
+    folder = tmp_path_factory.mktemp("results") / "block"
+    deliver(block, target_from(points, "block.xyz"), folder, RunRecord("block.xyz", {}, "finished", 0, noisy=True), step_limit_s=0.0)
+    return folder / "report.html"
+
+
+def test_what_was_seen_of_a_result_is_coloured(opened, scan_report):
+    tab = opened(scan_report)
+    violet, plain = ((120, 100, 150), (215, 190, 240)), pixels(tab, 1)
+    assert not tab.locator(".coverage").is_visible()
+    tab.get_by_role("button", name="Seen").click()
+    told = [item.strip() for item in tab.locator(".coverage li").all_inner_texts()]
+    assert [item.split()[0] for item in told] == ["seen", "inferred", "unknown"]
+    assert 40 < float(told[1].split()[1]) < 55
+    assert like(pixels(tab, 1), *violet) > like(plain, *violet) + 0.03
+    assert "Seen" in tab.locator("#sheets").inner_text()
+    tab.get_by_role("button", name="Seen").click()
+    assert not tab.locator(".coverage").is_visible()
+    assert changed(plain, pixels(tab, 1)) < 0.001
 
 
 def test_fingers_turn_and_zoom(opened, report):
