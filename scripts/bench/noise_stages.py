@@ -95,7 +95,7 @@ def run_part(part: Path, condition: str, budget_s: float, scorer: Path | None) -
         row.asked, row.stop, row.seconds = "asked" in found, report["stop"], time.process_time() - start
         finish_stages(row, found, part, source)
         judged = score(part, Path(name) / "out" / "program.scad", scorer)
-        row.iou["delivered"], row.leaves["delivered"] = judged.iou, judged.primitives
+        row.iou["delivered"], row.leaves["delivered"] = judged.iou, judged.primitives or 0
     return row
 
 
@@ -123,7 +123,8 @@ def record_stages(found: dict[str, Any]) -> None:
         found["policy"] = ask(self, best, *rest)
         return found["policy"]
 
-    cloud._copy, cloud._rebuild_and_shorten, cloud._ask = copying, rebuilding, asking
+    for name, wrapped in (("_copy", copying), ("_rebuild_and_shorten", rebuilding), ("_ask", asking)):
+        setattr(cloud, name, wrapped)
 
 
 def finish_stages(row: Row, found: dict[str, Any], part: Path, source: Path) -> None:
@@ -138,7 +139,9 @@ def finish_stages(row: Row, found: dict[str, Any], part: Path, source: Path) -> 
 
     if "cloud" not in found:
         return
-    solid = mesh_to_manifold(load_target(part).mesh)
+    mesh = load_target(part).mesh
+    assert mesh is not None  # it was sampled
+    solid = mesh_to_manifold(mesh)
     _, frame = in_unit_frame(load_target(source))
     points, before = subsample(found["cloud"].points, MOST_POINTS), ("", None)
     for stage in STAGES:

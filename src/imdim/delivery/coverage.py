@@ -26,7 +26,7 @@ from imdim.geometry.components import components
 from imdim.geometry.refine import split_edges
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import subsample
-from imdim.geometry.shadows import Shadows
+from imdim.geometry.shadows import slants
 from imdim.numbers.likelihood import Noise
 from imdim.program.motions import Motion, mirror
 from imdim.program.repeats import Folded, repeats
@@ -94,7 +94,7 @@ def cover(
     near = points[np.abs(kernels.program_sdf(program, points)) <= STRAY * noise.sigma]
     seen = ~is_bare(places, near, noise)
     if scanners is not None:
-        seen &= Shadows.of(points, scanners, noise.sigma).face(places, normals)
+        seen &= (slants(places, normals, scanners) > 0).any(0)
     surface = _Surface(program, places, normals, np.asarray(mesh.area_faces), seen, noise.sigma)
     codes, by = np.where(seen, SEEN, UNKNOWN), np.full(len(places), "", object)
     for reason, known in _inferences(surface, result, parents, folded):

@@ -111,7 +111,7 @@ def deliver(
                 shown = program if target.mesh is not None else with_edges(program, found.edges)
                 verdict = judge(target, surface, segments, shown, run.noisy, run.noise)
                 coloured = verdict.colour(target)
-                noise = verdict.elements.noise
+                noise = verdict.elements.noise if len(surface.faces) else None
                 covered = None if noise is None else cover(shown, surface, target.points, noise, found.folded, target.scanners)
                 seen = None if covered is None else covered.coloured
             with _time(seconds, "preview"):

@@ -64,11 +64,6 @@ class DepthMap:
         blocked[on] = depth[on] > self.depth[tuple(cell[on].T)] + behind
         return blocked
 
-    def slant(self, places: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """The cosine [m] between `normals` at `places` [m, 3] and the way to the scanner."""
-        way = self.scanner - places
-        return np.einsum("mi,mi->m", way, normals) / np.maximum(np.linalg.norm(way, axis=1), 1e-300)
-
 
 @dataclass(frozen=True, eq=False)
 class Shadows:
@@ -96,7 +91,7 @@ class Shadows:
             some = places[hidden]
             blocked = map_.blocks(some, self.behind)
             if normals is not None:
-                blocked |= np.abs(map_.slant(some, normals[hidden])) < GRAZING
+                blocked |= np.abs(slants(some, normals[hidden], map_.scanner[None])[0]) < GRAZING
             hidden[hidden] = blocked
         return hidden
 
@@ -107,7 +102,13 @@ class Shadows:
 
     def face(self, places: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Whether surfaces at `places` with outward `normals` [m, 3] are turned towards a scanner."""
-        return np.logical_or.reduce([map_.slant(places, normals) > 0 for map_ in self.maps])
+        return np.asarray((slants(places, normals, np.array([map_.scanner for map_ in self.maps])) > 0).any(0))
+
+
+def slants(places: np.ndarray, normals: np.ndarray, scanners: np.ndarray) -> np.ndarray:
+    """The cosines [k, m] between `normals` at `places` [m, 3] and the ways to `scanners` [k, 3]."""
+    ways = np.asarray(scanners, float)[:, None] - places
+    return np.einsum("kmi,mi->km", ways, normals) / np.maximum(np.linalg.norm(ways, axis=2), 1e-300)
 
 
 def _project(points: np.ndarray, scanner: np.ndarray, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -49,7 +49,7 @@ class ClutterBox:
             return np.full(len(points), even)
         places, sides = (points - low) / edges * BINS, np.subtract(self.high, self.low) / BINS
         within = ((places >= self.low) & (places <= self.high)).all(1)
-        return even * ((1 - SHARE) + SHARE * within / float(np.prod(sides)))
+        return np.where(within, even * (1 - SHARE + SHARE / float(np.prod(sides))), even * (1 - SHARE))
 
 
 EVERYWHERE = ClutterBox()  # in the box of all points

@@ -118,10 +118,9 @@ def _bare_body(body: Target, work: Work, share: float) -> Iterator[BodyState]:
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, share: float, blended: bool = False) -> Iterator[BodyState]:
     """Programs of one body as it is `observed` in its unit frame; `blended` if edges other than rims were set aside."""
     budget, settings = work.budget, work.settings
-    solid = find_solid(observed.target)
-    viewed = observed.target.mesh is None
-    if observed.noise.bulges and work.guesses and (viewed or solid) and (state := _scanned_body(observed, solid, frame, work, share)):
-        yield state
+    scanned = _scanned_body(observed, frame, work, share) if observed.noise.bulges and work.guesses else None
+    if scanned is not None:
+        yield scanned
         return
     try:
         detect_by, label_by = budget.part_of("detect", share), budget.part_of("label", share)
@@ -205,9 +204,12 @@ def _guessed_state(program: Program, frame: Frame, stage: str, proof: str) -> Bo
     return BodyState(stage, own, UNKNOWN, volume, lambda _: UNKNOWN, (Choice(own, UNKNOWN),), proof)
 
 
-def _scanned_body(observed: UnitBody, solid: Manifold | None, frame: Frame, work: Work, share: float) -> BodyState | None:
-    """The program of a scanned body, judged by the points of its surface; its error is the volume in which it differs from the `solid`,
-    which what a camera saw from one side does not have."""
+def _scanned_body(observed: UnitBody, frame: Frame, work: Work, share: float) -> BodyState | None:
+    """The program of a scanned body, judged by the points of its surface; its error is the volume in which it differs from the solid, which
+    what a camera saw from one side does not have. None for a mesh that bounds no solid."""
+    solid = find_solid(observed.target)
+    if solid is None and observed.target.mesh is not None:
+        return None
     from imdim.reconstruction.mdl import reconstruct_scan  # of clouds and scans: most meshes need not wait for it
 
     # few numbers are left to be fitted, and rounding is quick: the search may take longer than a cloud's
