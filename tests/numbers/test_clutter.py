@@ -42,7 +42,7 @@ def thicknesses(seeds):
     assert wanted is not None
     for seed in range(seeds):
         points, _ = scan(mesh_of(PLATE), wanted, np.random.default_rng(seed))
-        fitted = maximise_likelihood(PLATE, points, Noise(SIGMA, clutter=0.1), EMConfig(samples=30_000, still=0.004)).program
+        fitted = maximise_likelihood(PLATE, points, Noise(SIGMA, clutter=0.1), EMConfig(samples=30_000, still=0.004, whole=True)).program
         assert isinstance(fitted, Primitive)
         yield fitted.size[2]
 

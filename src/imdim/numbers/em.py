@@ -20,7 +20,7 @@ from imdim.geometry.lowering import Lowered, Outlines, lower
 from imdim.geometry.point_grid import measure_diagonal
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.face_coordinates import lift_numbers, shift_leaves, step_maps
-from imdim.numbers.likelihood import MOST_SAMPLES, Noise, Responsibilities, SurfaceSamples, expectation_step
+from imdim.numbers.likelihood import MOST_SAMPLES, Noise, Responsibilities, SurfaceSamples, expectation_step, settle_clutter
 from imdim.numbers.normal_equations import blocks
 from imdim.numbers.outline_coordinates import OutlineCoordinates, center_leaf, outline_coordinates
 from imdim.numbers.shared_rotations import TURNS, align_rotations, frames, map_shared_turns, swing_centers
@@ -49,6 +49,7 @@ class EMConfig:
     through: float = 6.0  # how far ends reach beyond what they meet; 0 leaves them
     samples: int = MOST_SAMPLES  # of the surface that show; where they are further apart than the noise is wide, ends of thin walls drift
     parallel_deg: float = 2.0  # leaves whose directions differ by less are taken to be parallel
+    whole: bool = False  # whether the program has all its parts, so that what it does not explain is clutter
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def maximise_likelihood(
         if done == config.rounds - 1:  # nothing would look at what one step more leads to
             break
         calmer = share.noise.sigma < (1 - config.calmer) * noise.sigma
-        noise = share.noise
+        noise = settle_clutter(points, share, noise) if config.whole else share.noise
         numbers, program, longest = _maximisation_step(numbers, program, (member, ties), shown, share, config)
         if longest < config.still * noise.sigma and not calmer:
             break

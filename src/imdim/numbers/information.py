@@ -149,7 +149,9 @@ def inform(points: np.ndarray, shown: SurfaceSamples, bends: np.ndarray, tangent
     square = np.bincount(columns, (pull * away)[held], m)
     total = max(float(mass.sum()), 1.0)
     sigma, clutter = float(np.sqrt(square.sum() / total)), min(max(1 - total / n, 1e-3), 0.5)
-    after = replace(noise, sigma=sigma, clutter=clutter)
+    rest = np.maximum(1 - weight.sum(1), 1e-12)  # the share of the clutter
+    signal = noise.clutter * noise.strewn.density(points, noise.sigma) * (1 - rest) / rest
+    after = replace(noise, sigma=sigma, clutter=clutter, strewn=noise.strewn.fit(points, signal, clutter, noise.sigma))
     places = shown.points[np.minimum(near[np.arange(n), np.argmax(weight, axis=1)], m - 1)]
     scatter = slopes.T @ slopes
     known = (mass / noise.sigma**2 - square / noise.sigma**4)[:, None] * tangents

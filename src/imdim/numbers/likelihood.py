@@ -39,8 +39,8 @@ WIDE = 0.7  # a sample's deviation along the surface, times the side of the squa
 @dataclass(frozen=True)
 class Noise:
     """`sigma`: deviation of a coordinate, in units of the points; `clutter`: share of points that belong to no surface, most of them in the
-    box `strewn`; `least`: what `sigma` is at least, however near to a surface the points lie. In the `shadows` of known
-    scanners no surface bears points."""
+    box `strewn`; `least`: what `sigma` is at least, however near to a surface the points lie. In the `shadows` of known scanners no surface
+    bears points."""
 
     sigma: float
     clutter: float = 0.01
@@ -134,9 +134,17 @@ def expectation_step(points: np.ndarray, shown: SurfaceSamples, noise: Noise) ->
     offset = np.divide(moment, mass, out=np.zeros(m), where=mass > 1e-12)
     sigma = math.sqrt(square / held) if held > 0 else noise.sigma
     clutter = min(max(1 - held / len(points), 1e-3), 0.5)
-    box = noise.strewn.fit(points, np.exp(logs + peak) - strewn, clutter, noise.sigma)
-    after = replace(noise, sigma=max(sigma, noise.least), clutter=clutter, strewn=box)
+    after = replace(noise, sigma=max(sigma, noise.least), clutter=clutter)
     return Responsibilities(mass, offset, after, -(log / len(points) + peak), logs + peak)
+
+
+def settle_clutter(points: np.ndarray, share: Responsibilities, told_by: Noise) -> Noise:
+    """The noise after an expectation step for `points` [n, 3], which was `told_by` the one before, with its clutter in the likeliest box.
+
+    For programs that have all their parts: what a search has not found yet would be a box of clutter, and hardly worth finding.
+    """
+    signal = np.exp(share.logs) - told_by.clutter * told_by.strewn.density(points, told_by.sigma)
+    return replace(share.noise, strewn=told_by.strewn.fit(points, np.maximum(signal, 0.0), share.noise.clutter, told_by.sigma))
 
 
 def negative_log_density(program: Program, points: np.ndarray, noise: Noise, most: int = MOST_SAMPLES) -> float:

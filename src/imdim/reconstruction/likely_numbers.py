@@ -25,7 +25,7 @@ TOLD = 4  # rounds that tell whether ends are better let through
 SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 QUICK = EMConfig()
 # walls that blur thin or thicken slowly, as the noise grows or falls
-CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)
+CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000, whole=True)
 
 
 @dataclass(frozen=True)

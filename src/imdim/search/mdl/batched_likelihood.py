@@ -35,7 +35,7 @@ class PointScene:
         self.drawn, self.count = draws.at(noise.sigma), count or len(points)
         self.clutter = noise.clutter
         self.number = 0.5 * math.log(self.count) / self.count  # nats per point that a number costs
-        self.strewn = float(noise.strewn.density(points, self.drawn.sigma).max())  # where most of the clutter is
+        self.box = float(np.prod(np.maximum(np.ptp(points, axis=0), self.drawn.sigma)))
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class BatchedLikelihood:
         if (changes[:, 0] < -1).any():
             raise ValueError(f"{choices[int((changes[:, 0] < -1).argmax())]} is no change of {self.settled} parts in their order")
         arrays = self.starts, self.held, self.over, self.selves, self.first, self.lent, self.density
-        scale = clutter * scene.strewn, math.log1p(-clutter) - lattice
+        scale = clutter / scene.box, math.log1p(-clutter) - lattice
         nll, skin, hidden = _lengths(changes, self.settled, *arrays, self.ends, self.end, self.faces, len(scene.points), *scale)
         # places behind the end of a choice have the index -1, and nothing
         own = np.append(self.own, 0)[packed[1]].sum(1) + np.append(self.ways, 0 * self.ways[:1], axis=0)[packed[1]].max(1).sum(1)
