@@ -499,6 +499,12 @@ def test_plain_progress_is_one_line_per_stage_or_two_seconds():
     assert "2 primitives, 7 s left" in lines[2]
 
 
+def test_the_error_of_a_body_that_shows_no_inside_is_unknown():
+    out = io.StringIO()
+    list(show_progress(iter([Snap("solve", BOX, 1.0, 0.1)]), 10.0, out))
+    assert "error unknown   1 primitive" in out.getvalue()
+
+
 def test_live_progress_passes_every_snapshot_on():
     class Terminal(io.StringIO):
         def isatty(self) -> bool:

@@ -14,10 +14,12 @@ FIRST = "finding surfaces"  # said before there is any program
 
 
 def describe(snapshot: Snapshot, best: float) -> str:
-    """One line: stage, best error so far, how many primitives, or features and curves."""
+    """One line: stage, best error so far if it is known, how many primitives, or features and curves."""
     from imdim.program.cost import count
+    from imdim.reconstruction.body_state import UNKNOWN
 
-    return f"{snapshot.stage:<12} error {best:<9.3g} {count(snapshot.program)}"
+    told = "unknown" if best == UNKNOWN else f"{best:.3g}"
+    return f"{snapshot.stage:<12} error {told:<9} {count(snapshot.program)}"
 
 
 def show_progress(snapshots: Iterable[Snapshot], budget_s: float, stream: TextIO | None = None) -> Iterator[Snapshot]:
