@@ -8,11 +8,12 @@ from imdim.delivery.verdict import judge
 from imdim.geometry.shadows import Shadows
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Program, leaves
+from imdim.reconstruction import one_body
 from imdim.reconstruction.config import Settings
-from imdim.reconstruction.observation import UnitBody
+from imdim.reconstruction.observation import UnitBody, UnseenError
 from imdim.reconstruction.pipeline import reconstruct_best
 from imdim.reconstruction.trifles import without_trifles
-from imdim.target.scan import VIEWS, parse_condition, scan
+from imdim.target.scan import VIEWS, Condition, parse_condition, scan
 from imdim.target.target import Target, in_unit_frame, target_from
 
 BLOCK = box(40, 30, 20)
@@ -63,3 +64,20 @@ def test_what_a_cut_changes_behind_is_a_trifle_and_before_it_is_none():
         bored = cut(moved, cylinder(wanted.size[0], wanted.size[1], tuple((-CAMERA + [0, 0, side * 10]).tolist())))
         assert (without_trifles(bored, 1.0, shadows=shadows) == bored) == kept
         assert without_trifles(bored, 1.0) == bored
+
+
+def test_a_cloud_that_shows_no_inside_is_taken_for_what_was_seen_from_one_side(monkeypatch):
+    """As that of a camera whose coordinates were moved, so that nobody knows where it stood."""
+
+    def refuse(body, *_):
+        raise UnseenError(f"{body.target.name}: no inside found")
+
+    monkeypatch.setattr(one_body, "observe", refuse)
+    target = target_from(seen_by_camera(BLOCK, 0.5).points + CAMERA)
+    assert target.scanners is None
+    found = reconstruct_best(target, Settings(budget_s=30.0))
+    (leaf,) = leaves(found.program)
+    assert sorted(leaf.size) == pytest.approx([20, 30, 40], abs=1.5)
+    assert "what lies behind is a guess" in found.proof
+    with pytest.raises(UnseenError, match="no inside found"):
+        reconstruct_best(target_from(scan(mesh_of(BLOCK), Condition(), np.random.default_rng(0), 4000)[0]), Settings(budget_s=30.0))

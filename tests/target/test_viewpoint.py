@@ -6,7 +6,7 @@ from tests.planted import box, cut, cylinder, mesh_of, union
 
 from imdim.target.scan import VIEWS, parse_condition, scan
 from imdim.target.target import load_target, target_from
-from imdim.target.viewpoint import find_camera
+from imdim.target.viewpoint import find_camera, guess_camera
 
 BRACKET = cut(union(box(60, 40, 8), box(60, 8, 30, (0, 16, 15))), *(cylinder(4, 40, (x, -6, 0)) for x in (-18, 18)))
 FAR = 50_000.0  # from where a scan's parallel rays come
@@ -50,3 +50,18 @@ def test_a_cloud_from_a_camera_says_so(tmp_path):
     assert any("from the origin" in note for note in target.notes)
     np.savez(tmp_path / "told.npz", points=points, scanners=[[0.0, 0.0, 9.0]])
     assert np.array_equal(load_target(tmp_path / "told.npz").scanners, [[0.0, 0.0, 9.0]])  # who says so knows better
+
+
+@pytest.mark.parametrize("condition", ["views=1", "noise=0.3%+views=1"])
+@pytest.mark.parametrize("part", [BRACKET, box(40, 30, 20), cut(cylinder(20, 30), cylinder(12, 40))], ids=["bracket", "block", "tube"])
+def test_the_way_that_one_side_was_seen_along_is_guessed(condition, part):
+    points = cloud_of(condition, part)
+    found = guess_camera(points)
+    assert found is not None
+    way = found[0] - points.mean(0)
+    assert way @ VIEWS[0] > 0.7 * np.linalg.norm(way)  # several ways show all of it
+
+
+@pytest.mark.parametrize("condition", ["cloud", "noise=0.5%+outliers=2%", "noise=0.3%+views=3"])
+def test_no_way_shows_what_is_seen_from_all_around(condition):
+    assert guess_camera(cloud_of(condition)) is None

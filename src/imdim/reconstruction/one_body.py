@@ -60,6 +60,7 @@ from imdim.reconstruction.teeth_aside import Untoothed, set_teeth_aside
 from imdim.reconstruction.text_aside import Untexted, set_text_aside
 from imdim.reconstruction.threads_aside import Unthreaded, set_threads_aside
 from imdim.target.target import Frame, InputError, Target, in_unit_frame
+from imdim.target.viewpoint import guess_camera
 
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
@@ -112,7 +113,7 @@ def _bare_body(body: Target, work: Work, share: float) -> Iterator[BodyState]:
     noise = MeasuredNoise(observed.noise.scale(1 / frame.scale), observed.kept)
     for state in _sharp_body(body, observed, frame, work, share, blended):
         stop, shows = CUT if cut else state.stop, shows_edges(state, body)
-        yield replace(state, chains=chains, kept=kept, stop=stop, noise=noise, shows_edges=shows)
+        yield replace(state, chains=chains, kept=kept, stop=stop, noise=state.noise or noise, shows_edges=shows)
 
 
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, share: float, blended: bool = False) -> Iterator[BodyState]:
@@ -128,6 +129,9 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, shar
         seen = observe(observed, settings.size_weight, work.rng, detect_by, label_by, outlines, curve)
     except UnseenError as error:
         guess = _guess(observed, work, share, error.cut) if work.method in METHODS.values() else None  # a person's program is not dropped
+        if guess is None and (aside := _seen_from_one_side(observed, frame, work, share)) is not None:
+            yield aside
+            return
         if guess is None:
             raise
         step, found = guess
@@ -230,6 +234,18 @@ def _scanned_body(observed: UnitBody, frame: Frame, work: Work, share: float) ->
     error = measure(program)
     state = BodyState("solve", program, error, solid.volume() / frame.scale**3, measure, (Choice(program, error),), SCANNED)
     return replace(state, **ended)
+
+
+def _seen_from_one_side(observed: UnitBody, frame: Frame, work: Work, share: float) -> BodyState | None:
+    """The program of a cloud that shows no inside, as what a camera saw; None where no place shows all of it."""
+    if observed.target.mesh is not None or not work.guesses or work.method not in METHODS.values():
+        return None
+    camera = guess_camera(observed.target.points)
+    if camera is None:
+        return None
+    body = UnitBody.of(replace(observed.target, scanners=camera), work.rng)
+    state = _scanned_body(body, frame, work, share)
+    return None if state is None else replace(state, noise=MeasuredNoise(body.noise.scale(1 / frame.scale), observed.kept))
 
 
 def _guess(body: UnitBody, work: Work, share: float, cut: bool) -> tuple[MethodStep, tuple[Constraint, ...]] | None:

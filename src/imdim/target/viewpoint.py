@@ -1,4 +1,4 @@
-"""Whether a cloud was seen from the origin of its coordinates, where depth cameras and their drivers put themselves.
+"""From where a cloud was seen of which nobody said so: the origin of its coordinates, where depth cameras and their drivers put themselves.
 
 No point of such a cloud lies behind another one as seen from there. Of a cloud from all sides about half of the points do: those of the
 backs. A point is behind another one that is nearer in nearly the same line of sight and lies before the plane of its own neighbours, so
@@ -6,6 +6,8 @@ that points at a slant, which lie behind one another along their own surface, do
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -22,6 +24,7 @@ FEWEST = 2  # points that must lie before one: a stray hides nothing
 OPEN = 0.1  # share of the points behind others, below which all were seen from there: those at folds may seem to be
 AWAY = 0.5  # of the diagonal, that a camera stands before the cloud's box at least
 AHEAD = 0.5  # least cosine between the camera's sight of the cloud's middle and of each point
+WAYS, FAR = 96, 1000.0  # directions from which a cloud of another place may have been seen, and how many diagonals away
 
 
 def find_camera(points: np.ndarray) -> np.ndarray | None:
@@ -31,28 +34,70 @@ def find_camera(points: np.ndarray) -> np.ndarray | None:
     if np.linalg.norm(np.clip(0.0, low, high)) < AWAY * diagonal:
         return None
     some = subsample(points, ASKED)
-    sight = some / np.linalg.norm(some, axis=1, keepdims=True)
-    middle = sight.mean(0) / max(float(np.linalg.norm(sight.mean(0))), 1e-300)
-    if (sight @ middle).min() < AHEAD or len(some) <= NEIGHBOURS:
+    if len(some) <= NEIGHBOURS:
         return None
-    return np.zeros((1, 3)) if _share_behind(some, sight, middle, BULGE * diagonal) < OPEN else None
+    return np.zeros((1, 3)) if _Sheet.of(some, BULGE * diagonal).share_behind(np.zeros(3)) < OPEN else None
 
 
-def _share_behind(points: np.ndarray, sight: np.ndarray, middle: np.ndarray, bulge: float) -> float:
-    """Share of the points [n, 3] that lie behind others for a camera at the origin; `sight` [n, 3] are their directions, `middle` [3] the
-    mean of these."""
-    far, near = KDTree(points).query(points, k=NEIGHBOURS + 1)
-    spacing = surface_spacing(far[:, EIGHTH])
-    center = points[near].mean(1)
-    arms = points[near] - center[:, None]
-    normal = np.linalg.eigh(np.einsum("nki,nkj->nij", arms, arms))[1][:, :, 0]
-    depth = np.linalg.norm(points, axis=1)
-    across = np.linalg.svd(middle[None])[2][1:]
-    places = (sight @ across.T) / (sight @ middle)[:, None] * np.median(depth)
-    away, beside = KDTree(places).query(places, k=min(BESIDE + 1, len(points)), distance_upper_bound=SIGHT * spacing)
-    there = np.isfinite(away)
-    beside = np.where(there, beside, 0)
-    towards = -np.sign(np.einsum("ni,ni->n", sight, normal))
-    before = np.einsum("nki,ni->nk", points[beside] - center[:, None], normal) * towards[:, None]
-    hides = there & (before > max(BEFORE * spacing, bulge)) & (depth[beside] < depth[:, None])
-    return float((hides.sum(1) >= FEWEST).mean())
+def guess_camera(points: np.ndarray) -> np.ndarray | None:
+    """A far place from which all of a cloud of `points` [n, 3] could be seen, its only scanner [1, 3]; None where there is none.
+
+    What is seen from one side could as well be the inside of what is seen from the other: of both ways the one is taken along which the
+    cloud bulges towards the camera. So this is for clouds that show no inside otherwise.
+    """
+    some = subsample(points, ASKED)
+    if len(some) <= NEIGHBOURS:
+        return None
+    diagonal = float(np.linalg.norm(np.ptp(some, axis=0)))
+    sheet, middle = _Sheet.of(some, BULGE * diagonal), some.mean(0)
+    height = 1 - (2 * np.arange(WAYS) + 1) / WAYS
+    turn, out = np.pi * (1 + np.sqrt(5)) * np.arange(WAYS), np.sqrt(1 - height**2)  # a Fibonacci lattice (Gonzalez 2010)
+    ways = np.column_stack([out * np.cos(turn), out * np.sin(turn), height])
+    shares = np.array([sheet.share_behind(middle + FAR * diagonal * way) for way in ways])
+    best = ways[shares <= shares.min() + 0.01].mean(0) if shares.min() < OPEN else np.zeros(3)
+    length = float(np.linalg.norm(best))
+    if length < AHEAD:  # as good from opposite sides
+        best, length = ways[shares.argmin()], 1.0
+    if shares.min() >= OPEN:
+        return None
+    depth = (some - middle) @ (best / length)
+    aside = np.linalg.norm(some - middle - depth[:, None] * (best / length), axis=1)
+    towards = 1.0 if np.corrcoef(depth, aside)[0, 1] < 0 else -1.0  # what lies aside is farther off
+    return (middle + towards * FAR * diagonal * best / length)[None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Sheet:
+    """Points [n, 3], the `normal` [n, 3] of a plane through the neighbours of each, their `center` [n, 3], the points' `spacing`, and by
+    how much a point must lie before a plane to hide what is in it."""
+
+    points: np.ndarray
+    normal: np.ndarray
+    center: np.ndarray
+    spacing: float
+    before: float
+
+    @staticmethod
+    def of(points: np.ndarray, bulge: float) -> _Sheet:
+        far, near = KDTree(points).query(points, k=NEIGHBOURS + 1)
+        spacing, center = surface_spacing(far[:, EIGHTH]), points[near].mean(1)
+        arms = points[near] - center[:, None]
+        normal = np.linalg.eigh(np.einsum("nki,nkj->nij", arms, arms))[1][:, :, 0]
+        return _Sheet(points, normal, center, spacing, max(BEFORE * spacing, bulge))
+
+    def share_behind(self, camera: np.ndarray) -> float:
+        """Share of the points that lie behind others for a `camera` [3]; 1 where they are not all before it."""
+        depth = np.linalg.norm(self.points - camera, axis=1)
+        sight = (self.points - camera) / depth[:, None]
+        middle = sight.mean(0) / max(float(np.linalg.norm(sight.mean(0))), 1e-300)
+        if (sight @ middle).min() < AHEAD:
+            return 1.0
+        across = np.linalg.svd(middle[None])[2][1:]
+        places = (sight @ across.T) / (sight @ middle)[:, None] * np.median(depth)
+        away, beside = KDTree(places).query(places, k=min(BESIDE + 1, len(depth)), distance_upper_bound=SIGHT * self.spacing)
+        there = np.isfinite(away)
+        beside = np.where(there, beside, 0)
+        towards = -np.sign(np.einsum("ni,ni->n", sight, self.normal))
+        before = np.einsum("nki,ni->nk", self.points[beside] - self.center[:, None], self.normal) * towards[:, None]
+        hides = there & (before > self.before) & (depth[beside] < depth[:, None])
+        return float((hides.sum(1) >= FEWEST).mean())
