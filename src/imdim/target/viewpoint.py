@@ -51,7 +51,7 @@ def guess_camera(points: np.ndarray) -> np.ndarray | None:
     diagonal = float(np.linalg.norm(np.ptp(some, axis=0)))
     sheet, middle = _Sheet.of(some, BULGE * diagonal), some.mean(0)
     height = 1 - (2 * np.arange(WAYS) + 1) / WAYS
-    turn, out = np.pi * (1 + np.sqrt(5)) * np.arange(WAYS), np.sqrt(1 - height**2)  # a Fibonacci lattice (Gonzalez 2010)
+    turn, out = np.pi * (1 + np.sqrt(5)) * np.arange(WAYS), np.sqrt(1 - height**2)  # a Fibonacci lattice (González 2010)
     ways = np.column_stack([out * np.cos(turn), out * np.sin(turn), height])
     shares = np.array([sheet.share_behind(middle + FAR * diagonal * way) for way in ways])
     best = ways[shares <= shares.min() + 0.01].mean(0) if shares.min() < OPEN else np.zeros(3)
