@@ -43,7 +43,7 @@ def body_of(mesh):
 def test_a_drawn_part_has_no_noise(name):
     body, _ = body_of(mesh_of(PARTS[name]))
     assert body.noise is EXACT
-    assert not body.scanned
+    assert not body.noise.bulges
 
 
 def test_a_fine_mesh_of_a_drawn_part_has_no_noise():
@@ -64,7 +64,7 @@ def test_corners_on_chords_are_no_noise():
 @pytest.mark.usefixtures("_few_points")
 def test_a_shaken_block_is_a_scan_and_comes_back_as_one():
     body, frame = body_of(shaken_block(0.15))
-    assert body.scanned
+    assert body.noise.bulges
     told = reconstruct_scan(body, np.random.default_rng(0), NEVER, NEVER, drawn=True)
     assert told is not None
     program = frame.undo(told.program)
@@ -82,7 +82,7 @@ def test_a_shallow_dish_of_a_scanned_block_is_no_feature():
     shaken = trimesh.Trimesh(vertices + np.random.default_rng(0).normal(0, 0.03, vertices.shape), fine.faces)
     assert DEVIATION * np.linalg.norm((60, 40, 30)) > 0.25
     body, frame = body_of(shaken)
-    assert body.scanned
+    assert body.noise.bulges
     told = reconstruct_scan(body, np.random.default_rng(0), NEVER, NEVER, drawn=True)
     assert told is not None
     (leaf,) = leaves(frame.undo(told.program))

@@ -65,3 +65,7 @@ def test_the_way_that_one_side_was_seen_along_is_guessed(condition, part):
 @pytest.mark.parametrize("condition", ["cloud", "noise=0.5%+outliers=2%", "noise=0.3%+views=3"])
 def test_no_way_shows_what_is_seen_from_all_around(condition):
     assert guess_camera(cloud_of(condition)) is None
+
+
+def test_a_heap_of_points_is_no_sheet_that_anybody_saw():
+    assert guess_camera(np.random.default_rng(0).normal(size=(400, 3)) ** 3) is None

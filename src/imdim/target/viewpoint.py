@@ -24,6 +24,7 @@ FEWEST = 2  # points that must lie before one: a stray hides nothing
 OPEN = 0.1  # share of the points behind others, below which all were seen from there: those at folds may seem to be
 AWAY = 0.5  # of the diagonal, that a camera stands before the cloud's box at least
 AHEAD = 0.5  # least cosine between the camera's sight of the cloud's middle and of each point
+FLAT = 0.65  # of the spread of most points' neighbours along their plane, across it: of a sheet less, of a heap more
 WAYS, FAR = 96, 1000.0  # directions from which a cloud of another place may have been seen, and how many diagonals away
 
 
@@ -50,6 +51,8 @@ def guess_camera(points: np.ndarray) -> np.ndarray | None:
         return None
     diagonal = float(np.linalg.norm(np.ptp(some, axis=0)))
     sheet, middle = _Sheet.of(some, BULGE * diagonal), some.mean(0)
+    if sheet.thickness > FLAT:
+        return None
     height = 1 - (2 * np.arange(WAYS) + 1) / WAYS
     turn, out = np.pi * (1 + np.sqrt(5)) * np.arange(WAYS), np.sqrt(1 - height**2)  # a Fibonacci lattice (González 2010)
     ways = np.column_stack([out * np.cos(turn), out * np.sin(turn), height])
@@ -68,22 +71,25 @@ def guess_camera(points: np.ndarray) -> np.ndarray | None:
 
 @dataclass(frozen=True, eq=False)
 class _Sheet:
-    """Points [n, 3], the `normal` [n, 3] of a plane through the neighbours of each, their `center` [n, 3], the points' `spacing`, and by
-    how much a point must lie before a plane to hide what is in it."""
+    """Points [n, 3], the `normal` [n, 3] of a plane through the neighbours of each, their `center` [n, 3], the points' `spacing`, by
+    how much a point must lie before a plane to hide what is in it, and the median `thickness` of neighbours across their plane, as a share
+    of their spread along it."""
 
     points: np.ndarray
     normal: np.ndarray
     center: np.ndarray
     spacing: float
     before: float
+    thickness: float
 
     @staticmethod
     def of(points: np.ndarray, bulge: float) -> _Sheet:
         far, near = KDTree(points).query(points, k=NEIGHBOURS + 1)
         spacing, center = surface_spacing(far[:, EIGHTH]), points[near].mean(1)
         arms = points[near] - center[:, None]
-        normal = np.linalg.eigh(np.einsum("nki,nkj->nij", arms, arms))[1][:, :, 0]
-        return _Sheet(points, normal, center, spacing, max(BEFORE * spacing, bulge))
+        spread, ways = np.linalg.eigh(np.einsum("nki,nkj->nij", arms, arms))
+        thickness = np.sqrt(np.maximum(spread[:, 0], 0.0) / np.maximum(spread[:, 1], 1e-300))
+        return _Sheet(points, ways[:, :, 0], center, spacing, max(BEFORE * spacing, bulge), float(np.median(thickness)))
 
     def share_behind(self, camera: np.ndarray) -> float:
         """Share of the points that lie behind others for a `camera` [3]; 1 where they are not all before it."""
