@@ -1,7 +1,8 @@
 """What scanners at known places could not see: what lies behind the points of a cloud for all of them.
 
 A ray that reached a point has passed through air, so that a surface before the points would have been seen. A surface behind them, as seen
-from every scanner, bears no points whether it is there or not. Each scanner's points make a map of depths (Curless & Levoy 1996, section 4,
+from every scanner, bears no points whether it is there or not, nor does one that turns away from all of them, however near points lie; one
+that they would have grazed may bear none. Each scanner's points make a map of depths (Curless & Levoy 1996, section 4,
 carve the space before them in the same way).
 """
 

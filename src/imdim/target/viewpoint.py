@@ -25,6 +25,7 @@ OPEN = 0.1  # share of the points behind others, below which all were seen from 
 AWAY = 0.5  # of the diagonal, that a camera stands before the cloud's box at least
 AHEAD = 0.5  # least cosine between the camera's sight of the cloud's middle and of each point
 FLAT = 0.65  # of the spread of most points' neighbours along their plane, across it: of a sheet less, of a heap more
+AS_GOOD = 0.01  # more of the points may lie behind others, seen along another way
 WAYS, FAR = 96, 1000.0  # directions from which a cloud of another place may have been seen, and how many diagonals away
 
 
@@ -57,16 +58,15 @@ def guess_camera(points: np.ndarray) -> np.ndarray | None:
     turn, out = np.pi * (1 + np.sqrt(5)) * np.arange(WAYS), np.sqrt(1 - height**2)  # a Fibonacci lattice (González 2010)
     ways = np.column_stack([out * np.cos(turn), out * np.sin(turn), height])
     shares = np.array([sheet.share_behind(middle + FAR * diagonal * way) for way in ways])
-    best = ways[shares <= shares.min() + 0.01].mean(0) if shares.min() < OPEN else np.zeros(3)
-    length = float(np.linalg.norm(best))
-    if length < AHEAD:  # as good from opposite sides
-        best, length = ways[shares.argmin()], 1.0
     if shares.min() >= OPEN:
         return None
-    depth = (some - middle) @ (best / length)
-    aside = np.linalg.norm(some - middle - depth[:, None] * (best / length), axis=1)
+    best = ways[shares <= shares.min() + AS_GOOD].mean(0)
+    length = float(np.linalg.norm(best))
+    way = best / length if length > AHEAD else ways[shares.argmin()]  # those from opposite sides have no mean
+    depth = (some - middle) @ way
+    aside = np.linalg.norm(some - middle - depth[:, None] * way, axis=1)
     towards = 1.0 if np.corrcoef(depth, aside)[0, 1] < 0 else -1.0  # what lies aside is farther off
-    return (middle + towards * FAR * diagonal * best / length)[None]
+    return (middle + towards * FAR * diagonal * way)[None]
 
 
 @dataclass(frozen=True, eq=False)
