@@ -22,6 +22,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from processor import rule_the_clock
 
 STAGES = ("searches", "copies", "anew", "policy")
@@ -107,6 +108,7 @@ def record_stages(found: dict[str, Any]) -> None:
     copy, anew, ask = cloud._copy, cloud._rebuild_and_shorten, cloud._ask
 
     def copying(self: Any, best: Any, *rest: Any) -> Any:
+        found.clear()  # where kernels were compiled first, that had a search of its own
         found["searches"], found["cloud"] = best, self
         return copy(self, best, *rest)
 
@@ -130,6 +132,8 @@ def record_stages(found: dict[str, Any]) -> None:
 def finish_stages(row: Row, found: dict[str, Any], part: Path, source: Path) -> None:
     """Fill in the IoU and the leaves of each stage in `found` whose program is another than that of the stage before, or its own."""
     from imdim.deadline import NEVER
+    from imdim.detection.cloud_bodies import split_cloud
+    from imdim.detection.noise import measure_noise
     from imdim.geometry.sampling import subsample
     from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
     from imdim.program.rewrite.simplify import reduce_program
@@ -137,12 +141,13 @@ def finish_stages(row: Row, found: dict[str, Any], part: Path, source: Path) -> 
     from imdim.reconstruction.likely_numbers import CAREFUL, MOST_POINTS, fit_numbers, hold_relations
     from imdim.target.target import in_unit_frame, load_target
 
-    if "cloud" not in found:
+    target = load_target(source)
+    if "cloud" not in found or len(split_cloud(target.points, measure_noise(target.points, np.random.default_rng(0))[0].sigma)) > 1:
         return
     mesh = load_target(part).mesh
     assert mesh is not None  # it was sampled
     solid = mesh_to_manifold(mesh)
-    _, frame = in_unit_frame(load_target(source))
+    _, frame = in_unit_frame(target)
     points, before = subsample(found["cloud"].points, MOST_POINTS), ("", None)
     for stage in STAGES:
         if stage not in found:
@@ -174,12 +179,14 @@ def read_reference(folder: Path) -> dict[str, int]:
 
 
 def summarise(rows: list[Row], reference: dict[str, int]) -> list[str]:
-    """Of each stage, over the parts that had it, how many are reached and the mean IoU; a part whose stage had no turn has that before."""
+    """Of each stage, over the parts that had it, how many are reached and the mean IoU; a part whose stage had no turn has that before, and
+    one that failed has 0."""
     lines = [f"{len(rows)} parts, {sum(1 for row in rows if not row.iou)} without stages"]
     last = dict[str, str]()
     for stage in TOLD:
         last |= {row.part: stage for row in rows if stage in row.iou}
         told = [(row.part, row.iou[last[row.part]], row.leaves[last[row.part]]) for row in rows if row.part in last]
+        told += [(row.part, 0.0, 0) for row in rows if row.stop.startswith("FAILED")]
         reached = sum(1 for part, iou, count in told if iou >= REACHED and count <= LONGER * reference.get(part, count))
         mean = sum(iou for _, iou, _ in told) / max(len(told), 1)
         lines.append(f"after {stage}: {reached} of {len(rows)} at {REACHED}, mean {mean:.4f} of {len(told)}")

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from tests.planted import box, cut, cylinder, mesh_of, union
 
-from imdim.delivery.coverage import cover, describe_coverage
+from imdim.delivery.coverage import _pattern_motions, cover, describe_coverage
 from imdim.detection.noise import measure_noise
 from imdim.program.patterns.detect import fold_repeats
 from imdim.target.scan import parse_condition, scan
@@ -85,3 +85,11 @@ def test_the_side_that_turns_away_from_a_scanner_is_not_seen_however_thin_the_pl
 def test_a_result_without_faces_is_refused():
     with pytest.raises(ValueError, match="without faces"):
         cover(BLOCK, trimesh.Trimesh(), cloud_of(BLOCK), measure_noise(cloud_of(BLOCK), np.random.default_rng(0))[0])
+
+
+def test_motions_of_a_pattern_are_each_tried_once():
+    """Of a grid of eight by eight copies 224 motions lead from one to another, not 64 times 63."""
+    grid = union(*(box(2, 2, 2, (5.0 * x, 5.0 * y, 0)) for x in range(8) for y in range(8)))
+    folding = fold_repeats(grid)
+    assert folding is not None
+    assert len([*_pattern_motions(folding.folded)]) == 15 * 15 - 1

@@ -79,5 +79,6 @@ def test_a_cloud_that_shows_no_inside_is_taken_for_what_was_seen_from_one_side(m
     (leaf,) = leaves(found.program)
     assert sorted(leaf.size) == pytest.approx([20, 30, 40], abs=1.5)
     assert "what lies behind is a guess" in found.proof
+    assert any("seen from one side" in note for note in found.notes)
     with pytest.raises(UnseenError, match="no inside found"):
         reconstruct_best(target_from(scan(mesh_of(BLOCK), Condition(), np.random.default_rng(0), 4000)[0]), Settings(budget_s=30.0))

@@ -46,6 +46,7 @@ def test_a_stage_counts_what_it_reaches_with_as_many_primitives_as_may_be():
         *("after searches: 0 of 4 at 0.97", "after copies: 0 of 4 at 0.97", "after anew: 1 of 4 at 0.97"),
         *("after policy: 2 of 4 at 0.97", "after delivered: 1 of 4 at 0.97"),
     ]
+    assert said[1] == f"after searches: 0 of 4 at 0.97, mean {(0.9 + 0.99 + 0.5) / 4:.4f} of 4"
     assert said[-1] == "policy asked on 2, changed 1"
 
 

@@ -18,6 +18,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from imdim.delivery.explanation import STRAY, is_bare
+from imdim.delivery.surface_elements import FINENESS
 from imdim.delivery.verdict import LEAST_LISTED, MOST_LISTED, percent, place_region
 from imdim.detection.noise import NoiseModel
 from imdim.export.surface_colours import COVERAGES, ColouredResult
@@ -34,7 +35,6 @@ from imdim.program.tree import Program, leaves
 
 SEEN, INFERRED, UNKNOWN = range(3)
 FACE, SYMMETRY, PATTERN = "its face goes on", "symmetry", "pattern"
-FINENESS = 40  # elements along the diagonal
 MOST_ELEMENTS = 20_000  # unless the result's mesh has more faces
 SMOOTH = math.cos(math.radians(12))  # between faces of one surface: chords of circles differ by less
 MEASURED = 0.2  # share of a face that is seen, from which its place is known
@@ -203,10 +203,15 @@ def _mirrors(surface: _Surface) -> Iterator[_Rigid]:
 
 
 def _pattern_motions(folded: Folded | None) -> Iterator[_Rigid]:
-    """From each copy of a pattern to each other."""
+    """From each copy of a pattern to each other, each motion once: those of a row are few."""
+    known = set[bytes]()
     for _, repeat in [] if folded is None else repeats(folded):
         copies = [_Rigid.of(motion) for motion in itertools.islice(repeat.motions(), MOST_COPIES)]
-        yield from (to.after_inverse(start) for start in copies for to in copies if start is not to)
+        for motion in (to.after_inverse(start) for start in copies for to in copies if start is not to):
+            key = (np.round(np.column_stack([motion.linear, motion.shift]), 6) + 0.0).tobytes()
+            if key not in known:
+                known.add(key)
+                yield motion
 
 
 def _regions(surface: _Surface, mesh: trimesh.Trimesh, codes: np.ndarray, by: np.ndarray) -> Iterator[UncoveredRegion]:

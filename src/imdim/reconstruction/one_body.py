@@ -66,6 +66,7 @@ GUESSING = ("auto", "policy")  # methods that may answer from the points alone w
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
 SCANNED = "not proved: the mesh is a scan, its program is the likeliest by points of its surface"
 VIEWED = "not proved: a camera saw this from one side, its program is the likeliest by its points, and what lies behind is a guess"
+FROM_ONE_SIDE = "no inside is found, and all points can be seen from one side: what lies behind them is taken to be unseen"
 NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
 
 
@@ -243,6 +244,7 @@ def _seen_from_one_side(observed: UnitBody, frame: Frame, work: Work, share: flo
     camera = guess_camera(observed.target.points)
     if camera is None:
         return None
+    work.notes.append(f"{observed.target.name}: {FROM_ONE_SIDE}")
     body = UnitBody.of(replace(observed.target, scanners=camera), work.rng)
     state = _scanned_body(body, frame, work, share)
     return None if state is None else replace(state, noise=MeasuredNoise(body.noise.scale(1 / frame.scale), observed.kept))
