@@ -45,7 +45,7 @@ MOST_ASKED = 6  # times that a policy is asked for more
 MOST_DRAWN, OF_EACH = 16, 3  # outlines that the points show, of which more than one may go through the same walls; and of each kind
 SCANNED, VIEWED = 1000, 500  # points of a scanned mesh, and of what a depth camera saw, whose waves are longer
 COUNTED = 0.66  # of these
-OFF = 2.0  # of it, by which a real thing may be off in one place: what follows that is no feature
+OFF = 2.0  # deviations of real things, by which one may be off in one place: what follows that is no feature
 FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
 BLURRED_SKINS = 1.45  # times the noise that two skins seem to have that are hardly told from one
 SKINS = 0.3  # of a program's surface on walls thinner than the noise, from which there may be less noise
@@ -135,7 +135,7 @@ def most_likely(
 @dataclass(frozen=True)
 class _NoisyCloud:
     """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]; outlines if `drawn`. What moves
-    the surface by no more than `trifle`, the deviation of real things in a scan, is no feature. The `shadows` are those of known
+    the surface by no more than OFF times `trifle`, the deviation of real things in a scan, is no feature. The `shadows` are those of known
     scanners. The `policy`, if any, is asked for more parts, and in the end leaves are looked for `anew`."""
 
     points: np.ndarray

@@ -133,13 +133,13 @@ def _snapshots(states: Iterable[BodyState], target: Target, work: Work, left_out
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in thin_front(last.front, last.program))
     edges = _find_edges(program, last, target, work)
     bulges = last.noise is not None and last.noise.model.bulges
-    unseen = (target.mesh is not None or bulges) and not (last.shows_edges or edges.features)
+    without_edges = (target.mesh is not None or bulges) and not (last.shows_edges or edges.features)
     notes = (
         *work.notes,
         *(f"{error}; left out" for error in left_out),
         *edges.left_out,
         *([describe_kept(last.kept)] if last.kept else []),
-        *([NO_EDGES] if unseen and work.settings.language == "cad" else []),
+        *([NO_EDGES] if without_edges and work.settings.language == "cad" else []),
     )
     stop = CUT if solver and relate_by.has_passed() else last.stop
     spent, found = work.budget.seconds(), edges.features
