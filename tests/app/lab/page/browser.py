@@ -220,10 +220,13 @@ class LabPage:
                 assert time.monotonic() < end, f"{value} of {label} never stood still"
 
     def keys(self, *names):
-        """Pressed where no input has the focus."""
+        """Pressed where no input has the focus. Escape takes what is selected away, and with it the inputs, in which nothing is to be typed
+        until the answer is there."""
         self.page.evaluate("document.activeElement?.blur()")
         for name in names:
             self.page.keyboard.press(name)
+        if "Escape" in names:
+            self.page.wait_for_selector(".lab-primitive [aria-selected=true]", state="detached")
 
     def view(self):
         """Where the 3D view is seen: left, top, width, height."""

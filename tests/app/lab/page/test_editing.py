@@ -100,24 +100,21 @@ def test_a_press_counts_though_the_tree_is_drawn_anew_before_the_release(done):
     mouse.move(640, 400)  # thought better of it
     mouse.up()
     done.keys("Escape")
-    done.page.wait_for_selector(".lab-primitive [aria-selected=true]", state="detached")
 
 
 def test_a_click_counts_though_what_it_is_on_was_clicked_before_and_answers_are_on_their_way(done):
     for leaf in (2, 3, 2):
         for _ in range(4):
             done.page.locator(f".lab-primitive [role=treeitem][data-n='{leaf}']").click()
-            done.keys("Escape")
+            done.page.keyboard.press("Escape")
         done.select(leaf)
     done.keys("Escape")
-    done.page.wait_for_selector(".lab-primitive [aria-selected=true]", state="detached")
 
 
 def test_a_row_of_the_tree_is_chosen_by_key(done):
     done.page.locator(".lab-primitive [role=treeitem][data-n='2']").press("Enter")
     done.page.wait_for_selector(".lab-primitive [data-n='2'][aria-selected=true]")
     done.keys("Escape")
-    done.page.wait_for_selector(".lab-primitive [aria-selected=true]", state="detached")
 
 
 def test_a_locked_number_stays_where_the_solver_moves_the_others_back(done):

@@ -41,7 +41,9 @@ class EditPanel:
         self.unit = ""
         self._shown: tuple[int, str] | None = None
         self._locks: viser.GuiButtonGroupHandle | None = None
+        self._operation: viser.GuiDropdownHandle[Op] | None = None
         self._inputs: dict[str, viser.GuiNumberHandle[float]] = {}
+        self._texts: dict[str, viser.GuiHtmlHandle] = {}
         self._watched: list[object] = []  # inputs of the selected primitive
         self._numbers = gui.add_folder("Numbers")
         self._order = self._numbers.order
@@ -93,36 +95,44 @@ class EditPanel:
                 self._clear(NOTHING)
             self._shown = None
             return
-        part = parts[selected]
-        drawn = "" if part.outline is None else hash(part.outline)
-        key = (selected, f"{part.kind} {names(theory)[selected]} {self.unit} {edits.operation(theory.program, selected)} {drawn}")
+        part, operation = parts[selected], edits.operation(theory.program, selected)
+        key = (selected, f"{part.kind} {self.unit} {operation is None} {part.outline is None}")
         if key != self._shown:
-            self._build(theory, selected, parts[selected])
+            self._build(selected, part, operation)
             self._shown = key
-        for number in edits.numbers(parts[selected]):
+        self._show_text("heading", _heading(selected, part, names(theory)[selected]))
+        if part.outline is not None:
+            self._show_text("outline", draw_outline(part, self.unit))
+        if self._operation is not None and operation is not None:
+            self._queue.show(self._operation, operation)
+        for number in edits.numbers(part):
             box = self._inputs[number.name]
             self._queue.show(box, number.value, 0.5 * box.step)
-        options = tuple(f"{LOCKED if Lock(selected, n) in theory.locks else ''}{n}" for n in _lockable(parts[selected]))
+        options = tuple(f"{LOCKED if Lock(selected, n) in theory.locks else ''}{n}" for n in _lockable(part))
         if self._locks is not None and tuple(self._locks.options) != options:
             self._locks.options = options
 
-    def _build(self, theory: ConstrainedProgram, leaf: int, part: Primitive) -> None:
-        """Inputs for all numbers of a primitive, its operation and its locks."""
+    def _build(self, leaf: int, part: Primitive, operation: Op | None) -> None:
+        """Inputs for all numbers of a primitive, its operation and its locks. A name or an operation that changes is written into what is
+        there: inputs that are made anew lose what is being typed."""
         self._clear()
         with self._numbers:
-            self._gui.add_html(_heading(leaf, part, names(theory)[leaf]))
-            op = edits.operation(theory.program, leaf)
-            if op is not None:
-                chosen = self._gui.add_dropdown("Operation", OPS, initial_value=op)
-                self._queue.watch(chosen, lambda value: self._operate(leaf, value))
-                self._watched.append(chosen)
+            self._texts["heading"] = self._gui.add_html("")
+            if operation is not None:
+                self._operation = self._gui.add_dropdown("Operation", OPS, initial_value=operation)
+                self._queue.watch(self._operation, lambda value: self._operate(leaf, value))
+                self._watched.append(self._operation)
             for number in edits.numbers(part):
                 self._inputs[number.name] = self._input(leaf, part, number)
             if part.outline is not None:
-                self._gui.add_html(draw_outline(part, self.unit))
+                self._texts["outline"] = self._gui.add_html("")
             self._locks = self._gui.add_button_group("Lock", tuple(_lockable(part)), hint="A locked number is not moved by the solver")
             self._queue.press(self._locks, lambda value: self._lock(leaf, value.removeprefix(LOCKED)))
             self._watched += [*self._inputs.values(), self._locks]
+
+    def _show_text(self, which: str, text: str) -> None:
+        if self._texts[which].content != text:
+            self._texts[which].content = text
 
     def _draw_edges(self, edges: EdgeFeature, feature: int, number: int) -> None:
         """The sizes of a feature of edges."""
@@ -135,7 +145,7 @@ class EditPanel:
                 for which, word in enumerate(words):
                     self._inputs[word] = box = self._gui.add_number(f"{word} {self.unit}".strip(), 0.0, min=0.0, step=EDGE_STEP)
                     self._queue.watch(box, lambda value, which=which: self._resize_edges(feature, which, float(value)))
-            self._locks, self._watched = None, [*self._inputs.values()]
+            self._watched = [*self._inputs.values()]
             self._shown = key
         for word, size in zip(words, edges.sizes, strict=True):
             self._queue.show(self._inputs[word], size, 0.5 * EDGE_STEP)
@@ -169,7 +179,8 @@ class EditPanel:
         with self._place:
             self._numbers = self._gui.add_folder("Numbers", order=self._order)
         self._queue.forget(*self._watched)
-        self._inputs, self._watched = {}, []
+        self._operation, self._locks = None, None
+        self._inputs, self._texts, self._watched = {}, {}, []
         if line:
             with self._numbers:
                 self._gui.add_html(renderers.note(line))
