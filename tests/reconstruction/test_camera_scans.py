@@ -66,13 +66,23 @@ def test_what_a_cut_changes_behind_is_a_trifle_and_before_it_is_none():
         assert without_trifles(bored, 1.0) == bored
 
 
+def test_what_a_camera_saw_is_that_with_its_coordinates_moved():
+    target = target_from(seen_by_camera(BLOCK, 0.3).points + CAMERA)
+    assert target.scanners is None
+    found = reconstruct_best(target, Settings(budget_s=30.0))
+    (leaf,) = leaves(found.program)
+    assert sorted(leaf.size) == pytest.approx([20, 30, 40], abs=1.5)
+    assert "what lies behind is a guess" in found.proof
+
+
 def test_a_cloud_that_shows_no_inside_is_taken_for_what_was_seen_from_one_side(monkeypatch):
-    """As that of a camera whose coordinates were moved, so that nobody knows where it stood."""
+    """Even if it is not certain, as of thin sheet."""
 
     def refuse(body, *_):
         raise UnseenError(f"{body.target.name}: no inside found")
 
     monkeypatch.setattr(one_body, "observe", refuse)
+    monkeypatch.setattr(one_body, "certainly_one_side", lambda *_: False)
     target = target_from(seen_by_camera(BLOCK, 0.5).points + CAMERA)
     assert target.scanners is None
     found = reconstruct_best(target, Settings(budget_s=30.0))

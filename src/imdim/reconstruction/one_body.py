@@ -60,13 +60,13 @@ from imdim.reconstruction.teeth_aside import Untoothed, set_teeth_aside
 from imdim.reconstruction.text_aside import Untexted, set_text_aside
 from imdim.reconstruction.threads_aside import Unthreaded, set_threads_aside
 from imdim.target.target import Frame, InputError, Target, in_unit_frame
-from imdim.target.viewpoint import guess_camera
+from imdim.target.viewpoint import certainly_one_side, guess_camera
 
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
 SCANNED = "not proved: the mesh is a scan, its program is the likeliest by points of its surface"
 VIEWED = "not proved: a camera saw this from one side, its program is the likeliest by its points, and what lies behind is a guess"
-FROM_ONE_SIDE = "no inside is found, and all points can be seen from one side: what lies behind them is taken to be unseen"
+FROM_ONE_SIDE = "all points can be seen from one side: what lies behind them is taken to be unseen"
 NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
 
 
@@ -120,7 +120,10 @@ def _bare_body(body: Target, work: Work, share: float) -> Iterator[BodyState]:
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: Work, share: float, blended: bool = False) -> Iterator[BodyState]:
     """Programs of one body as it is `observed` in its unit frame; `blended` if edges other than rims were set aside."""
     budget, settings = work.budget, work.settings
-    scanned = _scanned_body(observed, frame, work, share) if observed.noise.bulges and work.guesses else None
+    if observed.noise.bulges and work.guesses:
+        scanned = _scanned_body(observed, frame, work, share)
+    else:
+        scanned = _seen_from_one_side(observed, frame, work, share, certainly=True)
     if scanned is not None:
         yield scanned
         return
@@ -237,12 +240,14 @@ def _scanned_body(observed: UnitBody, frame: Frame, work: Work, share: float) ->
     return replace(state, **ended)
 
 
-def _seen_from_one_side(observed: UnitBody, frame: Frame, work: Work, share: float) -> BodyState | None:
-    """The program of a cloud that shows no inside, as what a camera saw; None where no place shows all of it."""
+def _seen_from_one_side(observed: UnitBody, frame: Frame, work: Work, share: float, certainly: bool = False) -> BodyState | None:
+    """The program of a cloud as what a camera saw; None where no place shows all of it, or it is not `certainly` of one side."""
     if observed.target.mesh is not None or not work.guesses or work.method not in METHODS.values():
         return None
+    if certainly and observed.target.scanners is not None:
+        return None  # whoever knows its scanners knows better
     camera = guess_camera(observed.target.points)
-    if camera is None:
+    if camera is None or (certainly and not certainly_one_side(observed.target.points, camera)):
         return None
     work.notes.append(f"{observed.target.name}: {FROM_ONE_SIDE}")
     body = UnitBody.of(replace(observed.target, scanners=camera), work.rng)

@@ -27,6 +27,10 @@ AHEAD = 0.5  # least cosine between the camera's sight of the cloud's middle and
 FLAT = 0.65  # of the spread of most points' neighbours along their plane, across it: of a sheet less, of a heap more
 AS_GOOD = 0.01  # more of the points may lie behind others, seen along another way
 WAYS, FAR = 96, 1000.0  # directions from which a cloud of another place may have been seen, and how many diagonals away
+SURE_OF, SURE_BULGE = 8192, 0.003  # points, and bulge, by which a cloud certainly is of one side
+DEEP = 0.1  # of the diagonal, the least extent of such a cloud: both faces of a thin plate may lie within its noise
+FACING = 0.2  # least cosine to the line of sight, of points whose spacing tells how far they were
+PLAIN = 0.5  # of the scatter of the spacings' logarithm, by which they must widen over the depth's to tell where the camera was
 
 
 def find_camera(points: np.ndarray) -> np.ndarray | None:
@@ -44,8 +48,9 @@ def find_camera(points: np.ndarray) -> np.ndarray | None:
 def guess_camera(points: np.ndarray) -> np.ndarray | None:
     """A far place from which all of a cloud of `points` [n, 3] could be seen, its only scanner [1, 3]; None where there is none.
 
-    What is seen from one side could as well be the inside of what is seen from the other: of both ways the one is taken along which the
-    cloud bulges towards the camera. So this is for clouds that show no inside otherwise.
+    What is seen from one side could as well be the inside of what is seen from the other. A camera's points lie wider apart the farther
+    they are; where their spacing does not tell, the way is taken along which the cloud bulges towards the camera. So this is for clouds
+    that show no inside otherwise, and for those that are `certainly_one_side`.
     """
     some = subsample(points, ASKED)
     if len(some) <= NEIGHBOURS:
@@ -63,10 +68,36 @@ def guess_camera(points: np.ndarray) -> np.ndarray | None:
     best = ways[shares <= shares.min() + AS_GOOD].mean(0)
     length = float(np.linalg.norm(best))
     way = best / length if length > AHEAD else ways[shares.argmin()]  # those from opposite sides have no mean
-    depth = (some - middle) @ way
-    aside = np.linalg.norm(some - middle - depth[:, None] * way, axis=1)
-    towards = 1.0 if np.corrcoef(depth, aside)[0, 1] < 0 else -1.0  # what lies aside is farther off
-    return (middle + towards * FAR * diagonal * way)[None]
+    return (middle + _side_towards(subsample(points, SURE_OF), way) * FAR * diagonal * way)[None]
+
+
+def certainly_one_side(points: np.ndarray, camera: np.ndarray) -> bool:
+    """Whether a cloud of `points` [n, 3] that was perhaps seen from a `camera` [1, 3] has no other side: walls as thin as its noise allows
+    would show theirs."""
+    some = subsample(points, SURE_OF)
+    diagonal = float(np.linalg.norm(np.ptp(some, axis=0)))
+    middle = some - some.mean(0)
+    if np.ptp(middle @ np.linalg.svd(middle, full_matrices=False)[2][2]) < DEEP * diagonal:
+        return False
+    return _Sheet.of(some, SURE_BULGE * diagonal).share_behind(camera[0]) < OPEN
+
+
+def _side_towards(points: np.ndarray, way: np.ndarray) -> float:
+    """1 if the camera of `points` [n, 3] stood where `way` [3] leads to, -1 if on the other side of them."""
+    middle = points - points.mean(0)
+    depth = middle @ way
+    sheet = _Sheet.of(points, 0.0)
+    facing = np.abs(sheet.normal @ way)
+    far = facing > FACING
+    if far.sum() > NEIGHBOURS:
+        apart = np.log(KDTree(points).query(points[far], k=EIGHTH + 1)[0][:, EIGHTH] + 1e-300)
+        # pixels of one angle: their spacing grows with the distance, and along the sight where the surface is at a slant
+        of = np.column_stack([np.ones(far.sum()), np.log(facing[far]), depth[far]])
+        solved = np.linalg.lstsq(of, apart, rcond=None)[0]
+        if abs(solved[2]) * depth[far].std() > PLAIN * (apart - of @ solved).std():
+            return -float(np.sign(solved[2]))
+    aside = np.linalg.norm(middle - depth[:, None] * way, axis=1)
+    return 1.0 if np.corrcoef(depth, aside)[0, 1] < 0 else -1.0  # what lies aside is farther off
 
 
 @dataclass(frozen=True, eq=False)
