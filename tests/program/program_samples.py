@@ -70,16 +70,21 @@ def inside_primitive(p: Primitive, points: np.ndarray) -> np.ndarray:
 def inside_drafted(p: Primitive, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     """By the corners of the section at the height of each point, between those of the foot and of the top."""
     assert p.outline is not None
-    height, share = p.size[0], z / p.size[0] + 0.5
-    top = shrink(p.outline, height * np.tan(np.radians(p.size[1])))
-    odd = np.zeros(len(x), bool)
+    found = abs(z) < p.size[0] / 2
+    within = np.flatnonzero(found)
+    x, y, share = x[within], y[within], z[within] / p.size[0] + 0.5
+    top = shrink(p.outline, p.size[0] * np.tan(np.radians(p.size[1])))
+    odd = np.zeros(len(within), bool)
     for below, above in zip(p.outline.loops, top.loops, strict=True):
-        ends = [np.array(flatten_loop(loop, 960)) for loop in (below, above)]
-        corners = ends[0] + share[:, None, None] * (ends[1] - ends[0])
-        for (px, py), (qx, qy) in zip(corners.transpose(1, 2, 0), np.roll(corners, -1, axis=1).transpose(1, 2, 0), strict=True):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                odd ^= ((py > y) != (qy > y)) & (x < px + (y - py) * (qx - px) / (qy - py))
-    return odd & (abs(z) < height / 2)
+        low, high = (np.array(flatten_loop(loop, 960)) for loop in (below, above))
+        rise = high - low
+        for k in range(len(low)):
+            py, qy = low[k - 1, 1] + share * rise[k - 1, 1], low[k, 1] + share * rise[k, 1]
+            c = np.flatnonzero((py > y) != (qy > y))  # few points are at the height of a chord
+            px, qx = (low[i, 0] + share[c] * rise[i, 0] for i in (k - 1, k))
+            odd[c] ^= x[c] < px + (y[c] - py[c]) * (qx - px) / (qy[c] - py[c])
+    found[within] = odd
+    return found
 
 
 def inside(program: Program, points: np.ndarray) -> np.ndarray:
