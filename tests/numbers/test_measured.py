@@ -1,5 +1,6 @@
 """What a noisy cloud says of numbers: by closed forms for how well, and by planted numbers for which."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -95,6 +96,17 @@ def test_noise_of_single_points_spreads_nothing_and_dents_do():
 def test_points_that_fall_together_tell_of_no_neighbours():
     """A program that is far from its points: many are nearest to one place of it."""
     assert measure_spread(np.zeros((400, 3)), np.random.default_rng(0).normal(size=400)) == 1.0
+
+
+def test_a_rim_on_which_thousands_of_points_fall_takes_no_memory_for_their_pairs():
+    rng = np.random.default_rng(2)
+    places = np.concatenate([rng.uniform(0, 1, (3000, 3)) * [1, 1, 0], rng.normal(0, 1e-6, (7000, 3))])
+    tracemalloc.start()
+    spread = measure_spread(places, rng.normal(size=10_000))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert 1.0 <= spread < 2.0
+    assert most < 1e9  # 24 million pairs, each of two numbers, a distance and a weight, are more
 
 
 def test_coordinates_move_a_drawn_leaf_as_they_say():

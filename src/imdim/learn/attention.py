@@ -14,7 +14,7 @@ Read = tuple[Tensor, Tensor]
 class Attention(nn.Module):
     """Multi-head attention of queries [b, q, d] to what `read` made of a memory [b, s, d].
 
-    `mask`, broadcast to [b, heads, q, s], is true where one may look.
+    `mask`, broadcast to [b, heads, q, s], is true where one may look. The scores of all pairs are never laid out at once (Dao et al. 2022).
     """
 
     def __init__(self, d_model: int, heads: int) -> None:
@@ -28,9 +28,7 @@ class Attention(nn.Module):
 
     def forward(self, x: Tensor, read: Read, mask: Tensor | None) -> Tensor:
         q, (k, v) = self._split(self.query(x)), read
-        scores = (q @ k.mT) * q.shape[-1] ** -0.5
-        scores = scores if mask is None else scores.masked_fill(~mask, -torch.inf)
-        return self.out((scores.softmax(-1).to(v.dtype) @ v).transpose(1, 2).flatten(2))
+        return self.out(nn.functional.scaled_dot_product_attention(q, k, v, mask).transpose(1, 2).flatten(2))
 
     def _split(self, x: Tensor) -> Tensor:
         return x.unflatten(-1, (self.heads, -1)).transpose(1, 2)

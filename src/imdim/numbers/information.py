@@ -30,6 +30,7 @@ BESIDE = 1e-4  # of the part, between which normals are compared
 BENT = 0.2  # how far normals that near may differ on one smooth surface
 NEAR = (8, 32, 128, 512)  # neighbours on average, over which residuals may go on
 CERTAIN = 3.0  # deviations, by which residuals must go on to be believed to
+BLOCK = 512  # points whose neighbours are looked at at a time
 
 
 @dataclass(frozen=True)
@@ -172,13 +173,21 @@ def measure_spread(points: np.ndarray, residual: np.ndarray) -> float:
         if 4 * count > len(points) or eighth == 0:
             break
         reach = eighth * np.sqrt(count / NEAR[0])
-        pairs = tree.query_pairs(reach, output_type="ndarray")
-        both = residual[pairs[:, 0]] * residual[pairs[:, 1]]
-        both *= 1 - np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1) / reach
-        more, doubt = 2 * float(both.sum()) / square, 2 * float(np.sqrt(both @ both)) / square
-        if more > CERTAIN * doubt:
+        more, squares = 0.0, 0.0
+        for first in range(0, len(points), BLOCK):
+            both = _weigh_neighbours(tree, residual, slice(first, first + BLOCK), reach)
+            more, squares = more + float(both.sum()) / square, squares + float(both @ both)
+        if more > CERTAIN * np.sqrt(2 * squares) / square:  # each pair is there twice
             found = max(found, 1 + more)
     return found
+
+
+def _weigh_neighbours(tree: KDTree, residual: np.ndarray, block: slice, reach: float) -> np.ndarray:
+    """The products of the residuals of some points of a `tree` with those of all others within `reach` of each, weighted by how near they
+    are. Of a few points at a time: where a program's rim gathers thousands, each is a neighbour of all."""
+    near = KDTree(tree.data[block]).sparse_distance_matrix(tree, reach, output_type="ndarray")
+    near = near[near["i"] + block.start != near["j"]]
+    return residual[block][near["i"]] * residual[near["j"]] * (1 - near["v"] / reach)
 
 
 def bends_of(program: Program | Lowered, points: np.ndarray, normals: np.ndarray, length: float) -> np.ndarray:
