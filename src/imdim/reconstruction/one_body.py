@@ -249,10 +249,12 @@ def _seen_from_one_side(observed: UnitBody, frame: Frame, work: Work, share: flo
     camera = guess_camera(observed.target.points)
     if camera is None or (certainly and not certainly_one_side(observed.target.points, camera)):
         return None
-    work.notes.append(f"{observed.target.name}: {FROM_ONE_SIDE}")
     body = UnitBody.of(replace(observed.target, scanners=camera), work.rng)
     state = _scanned_body(body, frame, work, share)
-    return None if state is None else replace(state, noise=MeasuredNoise(body.noise.scale(1 / frame.scale), observed.kept))
+    if state is None:
+        return None
+    work.notes.append(f"{observed.target.name}: {FROM_ONE_SIDE}")
+    return replace(state, noise=MeasuredNoise(body.noise.scale(1 / frame.scale), observed.kept))
 
 
 def _guess(body: UnitBody, work: Work, share: float, cut: bool) -> tuple[MethodStep, tuple[Constraint, ...]] | None:

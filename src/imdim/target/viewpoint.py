@@ -86,15 +86,14 @@ def _side_towards(points: np.ndarray, way: np.ndarray) -> float:
     """1 if the camera of `points` [n, 3] stood where `way` [3] leads to, -1 if on the other side of them."""
     middle = points - points.mean(0)
     depth = middle @ way
-    sheet = _Sheet.of(points, 0.0)
-    facing = np.abs(sheet.normal @ way)
-    far = facing > FACING
-    if far.sum() > NEIGHBOURS:
-        apart = np.log(KDTree(points).query(points[far], k=EIGHTH + 1)[0][:, EIGHTH] + 1e-300)
+    facing = np.abs(_Sheet.of(points, 0.0).normal @ way)
+    shown = facing > FACING
+    if shown.sum() > NEIGHBOURS:
+        apart = np.log(KDTree(points).query(points[shown], k=EIGHTH + 1)[0][:, EIGHTH] + 1e-300)
         # pixels of one angle: their spacing grows with the distance, and along the sight where the surface is at a slant
-        of = np.column_stack([np.ones(far.sum()), np.log(facing[far]), depth[far]])
+        of = np.column_stack([np.ones(shown.sum()), np.log(facing[shown]), depth[shown]])
         solved = np.linalg.lstsq(of, apart, rcond=None)[0]
-        if abs(solved[2]) * depth[far].std() > PLAIN * (apart - of @ solved).std():
+        if abs(solved[2]) * depth[shown].std() > PLAIN * (apart - of @ solved).std():
             return -float(np.sign(solved[2]))
     aside = np.linalg.norm(middle - depth[:, None] * way, axis=1)
     return 1.0 if np.corrcoef(depth, aside)[0, 1] < 0 else -1.0  # what lies aside is farther off
