@@ -241,19 +241,20 @@ def _scanned_body(observed: UnitBody, frame: Frame, work: Work, share: float) ->
 
 
 def _seen_from_one_side(observed: UnitBody, frame: Frame, work: Work, share: float, certainly: bool = False) -> BodyState | None:
-    """The program of a cloud as what a camera saw; None where no place shows all of it, or it is not `certainly` of one side."""
+    """The program of a cloud as what a camera saw, the known one or a guessed one; None where there were several, where no place shows all
+    of it, or it is not `certainly` of one side."""
     if observed.target.mesh is not None or not work.guesses or work.method not in METHODS.values():
         return None
-    if certainly and observed.target.scanners is not None:
-        return None  # whoever knows its scanners knows better
-    camera = guess_camera(observed.target.points)
+    known = observed.target.scanners
+    camera = guess_camera(observed.target.points) if known is None else known if len(known) == 1 else None
     if camera is None or (certainly and not certainly_one_side(observed.target.points, camera)):
         return None
     body = UnitBody.of(replace(observed.target, scanners=camera), work.rng)
     state = _scanned_body(body, frame, work, share)
     if state is None:
         return None
-    work.notes.append(f"{observed.target.name}: {FROM_ONE_SIDE}")
+    if known is None:
+        work.notes.append(f"{observed.target.name}: {FROM_ONE_SIDE}")
     return replace(state, noise=MeasuredNoise(body.noise.scale(1 / frame.scale), observed.kept))
 
 
