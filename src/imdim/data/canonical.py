@@ -7,13 +7,15 @@ network that regresses among such equals learns their mean, which is none of the
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import replace
 from functools import cache
 
 import torch
 from torch import Tensor
 
-from imdim.data.solids import ABSENT, BOX, CONE, CYLINDER, TORUS, Solids
+from imdim.data.outlines import mirror, turn, used_shares
+from imdim.data.solids import ABSENT, BOX, CONE, CYLINDER, EXTRUDE, REVOLVE, TORUS, Solids
 from imdim.data.surfaces import volumes
 
 
@@ -24,19 +26,47 @@ def canonical(solids: Solids) -> Solids:
 
 def canonical_primitives(solids: Solids) -> Solids:
     """Boxes and ellipsoids: of the 24 equal rotations the one nearest to none. Cylinders, cones and tori: the largest part of the axis is
-    positive, and the rotation is the shortest from +z. Balls: none. Unused sizes become 0."""
+    positive, and the rotation is the shortest from +z. Balls: none. Outlines: as cylinders, and what is extruded is spun by the least angle
+    that quarter turns of its outline leave. Unused sizes become 0."""
     cone, cornered = solids.kinds == CONE, (solids.kinds == BOX) | solids.ellipsoids
-    turning = cone | (solids.kinds == CYLINDER) | (solids.kinds == TORUS)
+    turning = cone | (solids.kinds == CYLINDER) | (solids.kinds == TORUS) | solids.drawn
     turned, edges = _nearest_box(solids.rotations, solids.sizes)
     axis = solids.rotations[..., 2]
     down = axis.gather(-1, axis.abs().argmax(-1, keepdim=True)) < 0
     axis = axis * torch.where(down, -1.0, 1.0)
     identity = torch.eye(3, dtype=axis.dtype, device=axis.device)
     rotations = torch.where(turning[..., None, None], shortest_from_z(axis), identity)
-    used = torch.stack([torch.ones_like(cone), turning, cone], -1)
+    used = torch.stack([torch.ones_like(cone), turning, cone | (solids.kinds == EXTRUDE)], -1)
     upright = torch.where(down & cone[..., None], solids.sizes[..., [1, 0, 2]], solids.sizes)
     sizes = torch.where(cornered[..., None], edges, torch.where(used, upright, 0.0))
-    return replace(solids, sizes=sizes, rotations=torch.where(cornered[..., None, None], turned, rotations))
+    rotations = torch.where(cornered[..., None, None], turned, rotations)
+    written = replace(solids, sizes=sizes, rotations=rotations)
+    return _canonical_outlines(written, solids.rotations[..., 0], down[..., 0]) if solids.drawn.any() else written
+
+
+def _canonical_outlines(solids: Solids, side: Tensor, down: Tensor) -> Solids:
+    """Of solids whose rotations are the shortest: outlines as they lie there, where their x axis was `side` [b, t, 3] and z was `down`."""
+    extruded = solids.kinds == EXTRUDE
+    mirrored, swapped = mirror(solids.forms, solids.shares)
+    forms = torch.where(down, mirrored, solids.forms)
+    shares = torch.where((down & solids.drawn)[..., None], swapped, solids.shares)
+    local = (solids.rotations.mT @ side[..., None])[..., 0]
+    angle = torch.atan2(local[..., 1], local[..., 0])
+    quarters = torch.round(angle / (math.pi / 2) - 1e-4)
+    rest = torch.where(extruded, angle - quarters * (math.pi / 2), 0.0)
+    quarters = torch.where(extruded, quarters, 0.0).long()
+    spun = solids.rotations @ _about_z(rest)
+    sizes = torch.where((quarters % 2 == 1)[..., None], solids.sizes[..., [1, 0, 2]], solids.sizes)
+    rotations = torch.where(extruded[..., None, None], spun, solids.rotations)
+    forms = turn(forms, quarters)
+    shares = torch.where(used_shares(forms, solids.kinds == REVOLVE), shares, 0.0)
+    return replace(solids, forms=forms, shares=shares, sizes=sizes, rotations=rotations)
+
+
+def _about_z(angle: Tensor) -> Tensor:
+    """Rotations [..., 3, 3] by angles [...]."""
+    c, s, o = torch.cos(angle), torch.sin(angle), torch.zeros_like(angle)
+    return torch.stack([torch.stack([c, -s, o], -1), torch.stack([s, c, o], -1), torch.stack([o, o, o + 1], -1)], -2)
 
 
 def canonical_order(solids: Solids) -> Solids:

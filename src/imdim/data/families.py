@@ -14,9 +14,10 @@ from torch import Tensor
 
 from imdim.data.canonical import shortest_from_z
 from imdim.data.dice import Dice
-from imdim.data.solids import ABSENT, BOX, CONE, CYLINDER, SPHERE, TORUS, Solids
+from imdim.data.outlines import NO_FORM, QUARTERS, Family, form_of
+from imdim.data.solids import ABSENT, BOX, CONE, CYLINDER, EXTRUDE, REVOLVE, SPHERE, TORUS, Solids
 
-Column = tuple[Tensor, bool | Tensor, Tensor, Tensor, Tensor]
+Column = tuple[Tensor, bool | Tensor, Tensor, Tensor, Tensor, Tensor, Tensor, bool | Tensor]
 
 
 def _part(
@@ -27,13 +28,18 @@ def _part(
     positive: bool | Tensor = True,
     where: Tensor | None = None,
     rotation: Tensor | None = None,
+    form: Tensor | None = None,
+    shares: tuple[float | Tensor, float | Tensor, float | Tensor] = (0.0, 0.0, 0.0),
+    common: bool | Tensor = False,
 ) -> Column:
-    """One column; `where` [n] says which rows have it."""
+    """One column; `where` [n] says which rows have it. What is `common` is intersected with."""
     device = dice.generator.device
     kinds = torch.as_tensor(kind, device=device).expand(dice.n)
     kinds = kinds if where is None else torch.where(where, kinds, ABSENT)
     turn = torch.eye(3, device=device) if rotation is None else rotation
-    return kinds, positive, _vector(dice, center), _vector(dice, size), turn.expand(dice.n, 3, 3)
+    forms = torch.zeros(dice.n, dtype=torch.long, device=device) if form is None else form
+    placed = kinds, positive, _vector(dice, center), _vector(dice, size), turn.expand(dice.n, 3, 3)
+    return *placed, forms, _vector(dice, shares), common
 
 
 def _vector(dice: Dice, values: tuple[float | Tensor, ...]) -> Tensor:
@@ -43,9 +49,12 @@ def _vector(dice: Dice, values: tuple[float | Tensor, ...]) -> Tensor:
 
 def _solids(dice: Dice, columns: list[Column]) -> Solids:
     device = dice.generator.device
-    kinds, positive, centers, sizes, rotations = zip(*columns, strict=True)
-    signs = [torch.as_tensor(p, device=device).expand(dice.n) for p in positive]
-    return Solids(*(torch.stack(c, 1) for c in (kinds, signs, centers, sizes, rotations)))
+    kinds, positive, centers, sizes, rotations, forms, shares, common = zip(*columns, strict=True)
+    joint = torch.stack([torch.as_tensor(c, device=device).expand(dice.n) for c in common], 1)
+    signs = torch.stack([torch.as_tensor(p, device=device).expand(dice.n) for p in positive], 1) & ~joint
+    stacked = (torch.stack(c, 1) for c in (kinds, centers, sizes, rotations, forms, shares))
+    kind, center, size, rotation, form, share = stacked
+    return Solids(kind, signs, center, size, rotation, form, share, joint)
 
 
 def _along_x(dice: Dice) -> Tensor:
@@ -220,7 +229,8 @@ def free(dice: Dice) -> Solids:
             center = placed[rows, near] + extents[rows, near].clamp_min(0.1) * dice.uniform(-0.6, 0.6, 3)
         rotation = torch.where(aligned[:, None, None], identity, dice.rotations())
         positive = ~dice.coin(0.4) if i > 0 else torch.ones(dice.n, dtype=torch.bool, device=device)
-        columns.append((torch.where(count > i, kind, ABSENT), positive, center, size, rotation))
+        place, extent = center.unbind(-1), size.unbind(-1)
+        columns.append(_part(dice, kind, (place[0], place[1], place[2]), (extent[0], extent[1], extent[2]), positive, count > i, rotation))
     return _solids(dice, columns)
 
 
@@ -373,7 +383,136 @@ def draw_mixtures(dice: Dice) -> Solids:
             center = torch.where(dice.coin(0.35, 3), placed[rows, near], center)
         rotation = torch.where(aligned[:, None, None], turns[dice.integers(0, 2)], dice.rotations())
         positive = ~dice.coin(0.4) if i > 0 else torch.ones(dice.n, dtype=torch.bool, device=device)
-        columns.append((torch.where(count > i, kind, ABSENT), positive, center, size, rotation))
+        place, extent = center.unbind(-1), size.unbind(-1)
+        columns.append(_part(dice, kind, (place[0], place[1], place[2]), (extent[0], extent[1], extent[2]), positive, count > i, rotation))
+    return _solids(dice, columns)
+
+
+EXTRUDED = (Family.ROUNDED, Family.ROUNDED, Family.ELL, Family.TEE, Family.CHANNEL)
+EXTRUDED += (Family.TRIANGLE, Family.PENTAGON, Family.HEXAGON, Family.OCTAGON)
+TURNED = (Family.ELL, Family.ELL, Family.TEE, Family.CHANNEL, Family.ROUNDED)
+
+
+def _draw_form(dice: Dice, families: tuple[Family, ...], p_slot: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """A family, its form in a random quarter turn, and the first two shares."""
+    device = dice.generator.device
+    family = torch.tensor(families, device=device)[dice.integers(0, len(families) - 1)]
+    form = form_of(family, dice.integers(0, QUARTERS - 1))
+    thick = torch.where(family == Family.CHANNEL, dice.log_uniform(0.05, 0.35), dice.log_uniform(0.08, 0.6))
+    first = torch.where(family == Family.ROUNDED, torch.where(dice.coin(p_slot), 1.0, dice.uniform(0.15, 0.9)), thick)
+    return family, form, first, dice.log_uniform(0.08, 0.6)
+
+
+def _edges_of(family: Tensor, w: Tensor, d: Tensor) -> Tensor:
+    """The second edge of an outline's box: a polygon's is the first."""
+    return torch.where((family >= Family.TRIANGLE) & (family <= Family.OCTAGON), w, d)
+
+
+def draw_profiles(dice: Dice) -> Solids:
+    """An extruded outline, flat or long, with a boss or a second outline on it, a slot or a pocket of any outline, and holes along and
+    across."""
+    family, form, a, b = _draw_form(dice, EXTRUDED, 0.4)
+    w, h = dice.log_uniform(0.4, 1.6), dice.log_uniform(0.06, 1.6)
+    d = _edges_of(family, w, dice.log_uniform(0.3, 1.6))
+    columns = [_part(dice, EXTRUDE, (0.0, 0.0, 0.0), (w, d, h), form=form, shares=(a, b, 0.0))]
+    least = torch.minimum(w, d)
+    other, second, c, e = _draw_form(dice, EXTRUDED, 0.5)
+    wide, tall = least * dice.uniform(0.3, 0.9), dice.log_uniform(0.08, 0.8)
+    size = (wide, _edges_of(other, wide, wide * dice.log_uniform(0.4, 2.0)), tall)
+    x, y = w * dice.uniform(-0.25, 0.25), d * dice.uniform(-0.25, 0.25)
+    x, y = torch.where(dice.coin(0.5), 0.0, x), torch.where(dice.coin(0.5), 0.0, y)
+    columns.append(_part(dice, EXTRUDE, (x, y, h / 2 + tall / 2), size, True, dice.coin(0.25), form=second, shares=(c, e, 0.0)))
+    boss = least * dice.uniform(0.15, 0.4)
+    columns.append(_part(dice, CYLINDER, (x, y, h / 2 + tall / 2), (boss, tall, 0.0), True, dice.coin(0.2)))
+    pocket, third, f, g = _draw_form(dice, EXTRUDED, 0.7)
+    long = least * dice.uniform(0.15, 0.6)
+    deep = torch.where(dice.coin(0.6), 3 * h + 2 * tall, h * dice.uniform(0.4, 1.2))
+    hollow = (long, _edges_of(pocket, long, long * dice.log_uniform(0.3, 2.5)), deep)
+    columns.append(_part(dice, EXTRUDE, (x, y, h / 2), hollow, False, dice.coin(0.4), form=third, shares=(f, g, 0.0)))
+    hole = least * dice.uniform(0.04, 0.12)
+    pair, px = dice.coin(0.5), w * dice.uniform(0.2, 0.42)
+    py = torch.where(dice.coin(0.5), 0.0, d * dice.uniform(-0.4, 0.4))
+    for sign in (1, -1):
+        columns.append(_part(dice, CYLINDER, (sign * px, sign * py, 0.0), (hole, 3 * h, 0.0), False, pair))
+    across = torch.minimum(h, least) * dice.uniform(0.1, 0.35)
+    where, z = dice.coin(0.3), h * dice.uniform(-0.3, 0.3)
+    columns.append(_part(dice, CYLINDER, (0.0, py * 0.5, z), (across, 3 * w, 0.0), False, where, _along_x(dice)))
+    return _solids(dice, columns)
+
+
+def draw_rings(dice: Dice) -> Solids:
+    """A turned L, T, U or rounded outline (cups, hubs, pulleys, rings), with an axial bore, a flange or foot, holes in it and across it."""
+    family, form, a, b = _draw_form(dice, TURNED, 0.2)
+    r, h = dice.log_uniform(0.3, 1.0), dice.log_uniform(0.15, 1.6)
+    inner = torch.where(dice.coin(0.5) & (family != Family.ROUNDED), 0.0, dice.uniform(0.15, 0.8))
+    columns = [_part(dice, REVOLVE, (0.0, 0.0, 0.0), (r, h, 0.0), form=form, shares=(a, b, inner))]
+    thick, rim = dice.log_uniform(0.04, 0.2), r * dice.uniform(1.1, 1.7)
+    other, second, c, e = _draw_form(dice, EXTRUDED, 0.5)
+    foot, plain = dice.coin(0.3), dice.coin(0.5)
+    below = -h / 2 - thick / 2
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, below), (rim, thick, 0.0), True, foot & plain))
+    size = (2 * rim, _edges_of(other, 2 * rim, 2 * rim * dice.uniform(0.7, 1.4)), thick)
+    columns.append(_part(dice, EXTRUDE, (0.0, 0.0, below), size, True, foot & ~plain, form=second, shares=(c, e, 0.0)))
+    bore = r * dice.uniform(0.1, 0.6)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, 0.0), (bore, 4 * h + 4.0, 0.0), False, dice.coin(0.3)))
+    hole, out = rim * dice.uniform(0.04, 0.1), rim * dice.uniform(0.6, 0.85)
+    four, two = dice.coin(0.25), dice.coin(0.25)
+    for sx, sy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        columns.append(_part(dice, CYLINDER, (sx * out, sy * out, below), (hole, 2 * h, 0.0), False, four | two if sx else four))
+    z, across = h * dice.uniform(-0.3, 0.3), torch.minimum(r, h) * dice.uniform(0.08, 0.25)
+    columns.append(_part(dice, CYLINDER, (r / 2, 0.0, z), (across, 2 * r, 0.0), False, dice.coin(0.25), _along_x(dice)))
+    flat = r * dice.uniform(0.6, 0.95)
+    columns.append(_part(dice, BOX, (r + flat, 0.0, z), (2 * r, 4 * r, h * dice.uniform(0.3, 1.5)), False, dice.coin(0.15)))
+    return _solids(dice, columns)
+
+
+def draw_common(dice: Dice) -> Solids:
+    """What is common to two or three things: rounded blocks and knobs, lenses, shafts with flats, plates with bowed edges; bored."""
+    device = dice.generator.device
+    first = torch.tensor([BOX, CYLINDER, EXTRUDE, SPHERE], device=device)[dice.integers(0, 3)]
+    family, form, a, b = _draw_form(dice, EXTRUDED, 0.3)
+    w, d, h = dice.log_uniform(0.5, 1.5), dice.log_uniform(0.5, 1.5), dice.log_uniform(0.15, 1.5)
+    d = torch.where(first == EXTRUDE, _edges_of(family, w, d), d)
+    round_one = (first == CYLINDER) | (first == SPHERE)
+    size = (
+        torch.where(round_one, w / 2, w),
+        torch.where(first == CYLINDER, h, torch.where(first == SPHERE, 0.0, d)),
+        torch.where(round_one, 0.0, h),
+    )
+    columns = [_part(dice, first, (0.0, 0.0, 0.0), size, form=torch.where(first == EXTRUDE, form, NO_FORM), shares=(a, b, 0.0))]
+    boss, tall = torch.minimum(w, d) * dice.uniform(0.15, 0.4), dice.log_uniform(0.1, 0.6)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, h / 2 + tall / 2), (boss, tall, 0.0), True, dice.coin(0.25)))
+    spread = torch.sqrt(w * w + d * d) / 2
+    for chance in (1.0, 0.3):
+        kind = torch.tensor([SPHERE, CYLINDER, BOX, CONE, SPHERE], device=device)[dice.integers(0, 4)]
+        r = spread * dice.uniform(0.7, 1.0)
+        oval = (kind == SPHERE) & dice.coin(0.3)
+        x, y, z = (torch.where(dice.coin(0.6), 0.0, spread * dice.uniform(-0.3, 0.3)) for _ in range(3))
+        tapered = r * dice.uniform(0.5, 0.95)
+        long = h + 2 * tall
+        second = torch.where(
+            kind == CYLINDER, 2 * long, torch.where(kind == CONE, tapered, torch.where(oval, r * dice.uniform(0.7, 1.3), d))
+        )
+        second = torch.where((kind == SPHERE) & ~oval, 0.0, second)
+        third = torch.where(oval, r * dice.uniform(0.5, 1.0), torch.where(kind == SPHERE, 0.0, torch.where(kind == CONE, long, 2 * long)))
+        leading = torch.where(kind == BOX, w * dice.uniform(0.5, 0.9), r)
+        place = torch.where((kind == CONE) | (kind == BOX), 0.0, z)
+        columns.append(
+            _part(
+                dice,
+                kind,
+                (x, y, place),
+                (leading, second, torch.where(kind == CYLINDER, 0.0, third)),
+                False,
+                dice.coin(chance),
+                common=True,
+            )
+        )
+    bore = torch.minimum(w, d) * dice.uniform(0.06, 0.25)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, 0.0), (bore, 8.0, 0.0), False, dice.coin(0.4)))
+    columns.append(
+        _part(dice, CYLINDER, (0.0, 0.0, 0.0), (bore * dice.uniform(0.5, 1.0), 8.0, 0.0), False, dice.coin(0.25), _along_x(dice))
+    )
     return _solids(dice, columns)
 
 
@@ -389,4 +528,7 @@ FAMILIES: Mapping[str, Callable[[Dice], Solids]] = {
     "vessel": draw_vessels,
     "sunk": draw_sunk_plates,
     "mixture": draw_mixtures,
+    "profile": draw_profiles,
+    "ring": draw_rings,
+    "common": draw_common,
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +60,9 @@ def is_there(chunk: Chunk, out: Path) -> bool:
 
 def write_chunk(config: FolderConfig, chunk: Chunk, folder: Path) -> None:
     """Write the samples of a chunk into `folder`, each whole or not at all."""
-    samples = synthesize(CHUNK, config.synthesis, chunk_generator(config.seed, SPLITS.index(chunk.split), chunk.index))
+    # a file has no word for a primitive that takes another one's place
+    synthesis = replace(config.synthesis, p_replace=0.0)
+    samples = synthesize(CHUNK, synthesis, chunk_generator(config.seed, SPLITS.index(chunk.split), chunk.index))
     for name, sample in zip(chunk.names, split_samples(samples), strict=False):
         write_sample(folder / name, sample)
 

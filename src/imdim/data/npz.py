@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from imdim.data.solids import PAD
+from imdim.data.solids import PAD, VOCABULARY, WIDE_COUNT
 from imdim.data.synthesize import TrainingSamples
 from imdim.program.state import END, PARAM_COUNT, Token
 from imdim.target.archives import ArchiveError, open_archive, read_member
@@ -32,8 +32,9 @@ class SampleError(ValueError):
 class NPZCADDataset(Dataset[dict[str, Tensor]]):
     """The samples ``*.npz`` of a folder in the order of their names, each checked when it is read.
 
-    Items: `gt_points` float32 [n, 3], `cur_points` float32 [m, 3], `gt_tokens` int64 [t], `gt_params` float32 [t, 10]. `max_seq_len`
-    refuses longer sequences. Raises SampleError for a broken file and FileNotFoundError for a folder without samples.
+    Items: `gt_points` float32 [n, 3], `cur_points` float32 [m, 3], `gt_tokens` int64 [t], `gt_params` float32 [t, 10], or [t, WIDE_COUNT]
+    where the program has outlines or intersections. `max_seq_len` refuses longer sequences. Raises SampleError for a broken file and
+    FileNotFoundError for a folder without samples.
     """
 
     def __init__(self, root: str | Path, max_seq_len: int | None = None) -> None:
@@ -56,12 +57,17 @@ def collate(items: list[dict[str, Tensor]]) -> dict[str, Tensor]:
     """Items as one batch: sequences padded to the longest, clouds of differing sizes cut to the smallest (order in a cloud is random)."""
     batch = {
         "gt_tokens": torch.nn.utils.rnn.pad_sequence([i["gt_tokens"] for i in items], batch_first=True, padding_value=PAD),
-        "gt_params": torch.nn.utils.rnn.pad_sequence([i["gt_params"] for i in items], batch_first=True),
+        "gt_params": torch.nn.utils.rnn.pad_sequence([_widen(i["gt_params"]) for i in items], batch_first=True),
     }
     for name in ("gt_points", "cur_points"):
         least = min(len(i[name]) for i in items)
         batch[name] = torch.stack([i[name][:least] for i in items])
     return batch
+
+
+def _widen(params: Tensor) -> Tensor:
+    """Numbers [t, WIDE_COUNT]: what has ten has no outlines and no intersections."""
+    return torch.nn.functional.pad(params, (0, WIDE_COUNT - params.shape[1]))
 
 
 def read_sample(path: Path) -> dict[str, np.ndarray]:
@@ -94,10 +100,12 @@ def write_sample(path: Path, sample: Mapping[str, np.ndarray]) -> None:
 def split_samples(samples: TrainingSamples) -> list[dict[str, np.ndarray]]:
     """One mapping of arrays per row, without padding; the cloud of an empty prefix has no points."""
     out = []
-    for gt, current, tokens, params, steps in zip(*(t.cpu() for t in samples), strict=True):
+    for gt, current, tokens, params, steps in zip(*(t.cpu() for t in samples[:5]), strict=True):
         length = int((tokens != PAD).sum())
         cur = current if steps > 0 and bool(current.any()) else current[:0]
-        arrays = (gt.float(), cur.float(), tokens[:length].short(), params[:length].float())
+        numbers = params[:length].float()
+        plain = not bool(numbers[:, PARAM_COUNT:].any())
+        arrays = (gt.float(), cur.float(), tokens[:length].short(), numbers[:, :PARAM_COUNT] if plain else numbers)
         out.append({name: a.numpy() for name, a in zip(FIELDS, arrays, strict=True)})
     return out
 
@@ -116,7 +124,8 @@ def _check(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     tokens = arrays["gt_tokens"]
     if tokens.ndim != 1 or not len(tokens) or not np.issubdtype(tokens.dtype, np.integer):
         raise SampleError(f"{path}: field gt_tokens needs integers [t], t > 0, got {tokens.dtype} {list(tokens.shape)}")
-    shapes = {"gt_points": (None, 3), "cur_points": (None, 3), "gt_params": (len(tokens), PARAM_COUNT)}
+    wide = arrays["gt_params"].ndim == 2 and arrays["gt_params"].shape[1] == WIDE_COUNT
+    shapes = {"gt_points": (None, 3), "cur_points": (None, 3), "gt_params": (len(tokens), WIDE_COUNT if wide else PARAM_COUNT)}
     for name, shape in shapes.items():
         array = arrays[name]
         fits = array.ndim == 2 and all(s is None or s == d for s, d in zip(shape, array.shape, strict=True))
@@ -128,7 +137,8 @@ def _check(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
             raise SampleError(f"{path}: field {name} holds {int((~np.isfinite(array)).sum())} values that are not finite")
     if not len(arrays["gt_points"]):
         raise SampleError(f"{path}: field gt_points is empty")
-    if tokens.min() < 0 or tokens.max() >= len(Token):
-        raise SampleError(f"{path}: field gt_tokens holds ids {tokens.min()} to {tokens.max()}, known are 0 to {len(Token) - 1}")
+    known = len(VOCABULARY if wide else Token)
+    if tokens.min() < 0 or tokens.max() >= known:
+        raise SampleError(f"{path}: field gt_tokens holds ids {tokens.min()} to {tokens.max()}, known are 0 to {known - 1}")
     if (tokens[:-1] == END).any():
         raise SampleError(f"{path}: field gt_tokens has steps after END: {tokens.tolist()}")

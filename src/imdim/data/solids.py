@@ -1,20 +1,22 @@
 """`Solids`: a batch of signed sequences as tensors, the form in which programs are drawn, checked and sampled.
 
-A point belongs to the left fold of unions and differences exactly when the last primitive that holds it is positive: later
-primitives overwrite earlier ones. All questions of membership here are that one rule.
+A point belongs to the left fold exactly when the last primitive that holds it is positive: later primitives overwrite earlier ones. What an
+intersection holds is all that is outside of its primitive, and it is not positive. All questions of membership here are that one rule.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import dropwhile
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
+from imdim.data.outlines import NO_FORM, SHARES, outline_levels, to_outline
 from imdim.geometry.sdf import rotation_matrices
-from imdim.program.sequence import SignedSequence
+from imdim.program.sequence import SignedSequence, Step
 from imdim.program.state import (
     ADD_BOX,
     ADD_CONE,
@@ -25,28 +27,47 @@ from imdim.program.state import (
     KIND_OF,
     PARAM_COUNT,
     UNDO_LAST,
+    ZERO_SIZE,
     ShapeState,
     Token,
 )
-from imdim.program.tree import Primitive
+from imdim.program.tree import FULL_TURN, Primitive
 
 BOX, SPHERE, CYLINDER, CONE, TORUS = (int(token) for token in (ADD_BOX, ADD_SPHERE, ADD_CYLINDER, ADD_CONE, ADD_TORUS))
+# drawn from a simple outline: beyond what a `ShapeState` knows, whose vectors have no room for one
+EXTRUDE, REVOLVE = len(Token), len(Token) + 1
+VOCABULARY = (*(token.name for token in Token), "ADD_EXTRUDE", "ADD_REVOLVE")
+NAMES: Mapping[int, str] = {**{int(token): kind for token, kind in KIND_OF.items()}, EXTRUDE: "extrude", REVOLVE: "revolve"}
 ABSENT = -1
-ADDING = tuple(int(token) for token in KIND_OF)
+ADDING = tuple(NAMES)
 PAD = -1  # stands after END where a batch is wider than a sequence; no token
+SIGN = PARAM_COUNT - 1  # the place of a step's sign among its numbers
+WIDE_COUNT = PARAM_COUNT + 1 + SHARES + 1  # numbers of a step with its form, the shares of its box, and whether it is an intersection
 
 
 @dataclass(frozen=True)
 class Solids:
     """`kinds` int64 [b, t] (the id of the token that adds it, or ABSENT), `positive` bool [b, t], `centers` [b, t, 3], `sizes` [b, t, 3]
-    (box edges; ball r, 0, 0; ellipsoid semi-axes; cylinder r, h, 0; cone bottom and top radius, h; torus R, r, 0), `rotations` [b, t, 3, 3]
-    (local to world). An ellipsoid is a sphere with three sizes, as in `ShapeState`."""
+    (box edges; ball r, 0, 0; ellipsoid semi-axes; cylinder r, h, 0; cone bottom and top radius, h; torus R, r, 0; of what is extruded the
+    edges of its box, of what is turned its outer radius and h), `rotations` [b, t, 3, 3] (local to world). An ellipsoid is a sphere with
+    three sizes, as in `ShapeState`. `forms` int64 [b, t] and `shares` [b, t, 3] are of the outlines of what is extruded or turned (see
+    `outlines`), which lie across z or in the half plane of x and z. What is `common`, bool [b, t], is neither united nor cut but
+    intersected with, and not positive."""
 
     kinds: Tensor
     positive: Tensor
     centers: Tensor
     sizes: Tensor
     rotations: Tensor
+    forms: Tensor
+    shares: Tensor
+    common: Tensor
+
+    @staticmethod
+    def plain(kinds: Tensor, positive: Tensor, centers: Tensor, sizes: Tensor, rotations: Tensor) -> Solids:
+        """Without outlines and intersections."""
+        forms, zeros = torch.full_like(kinds, NO_FORM), torch.zeros(*kinds.shape, SHARES, dtype=sizes.dtype, device=kinds.device)
+        return Solids(kinds, positive, centers, sizes, rotations, forms, zeros, torch.zeros_like(kinds, dtype=torch.bool))
 
     @property
     def present(self) -> Tensor:
@@ -57,6 +78,11 @@ class Solids:
     def ellipsoids(self) -> Tensor:
         """Which are spheres with three semi-axes, bool [b, t]."""
         return (self.kinds == SPHERE) & (self.sizes[..., 1] > 0)
+
+    @property
+    def drawn(self) -> Tensor:
+        """Which are extruded or turned outlines, bool [b, t]."""
+        return self.kinds >= EXTRUDE
 
     @property
     def lengths(self) -> Tensor:
@@ -83,7 +109,8 @@ def adds_primitive(tokens: Tensor) -> Tensor:
 
 
 class Sequences(NamedTuple):
-    """`tokens` int64 [b, t] (ends with END, then PAD) and `params` [b, t, 10], zeros except on ADD_* steps."""
+    """`tokens` int64 [b, t] (ends with END, then PAD) and `params` [b, t, WIDE_COUNT], zeros except on ADD_* steps: the ten numbers of a
+    `ShapeState`, the form, its shares, and 1 for an intersection."""
 
     tokens: Tensor
     params: Tensor
@@ -93,7 +120,8 @@ def empty(rows: int, width: int, device: torch.device | str = "cpu") -> Solids:
     """`rows` sequences of nothing, `width` columns wide."""
     kinds = torch.full((rows, width), ABSENT, device=device)
     zeros = torch.zeros(rows, width, 3, device=device)
-    return Solids(kinds, torch.zeros_like(kinds, dtype=torch.bool), zeros, zeros, torch.eye(3, device=device).expand(rows, width, 3, 3))
+    turns = torch.eye(3, device=device).expand(rows, width, 3, 3)
+    return Solids.plain(kinds, torch.zeros_like(kinds, dtype=torch.bool), zeros, zeros, turns)
 
 
 def concatenate(parts: list[Solids], width: int) -> Solids:
@@ -115,18 +143,20 @@ def to_sequences(solids: Solids, steps: int | None = None) -> Sequences:
     column = torch.arange(wide.kinds.shape[1], device=solids.kinds.device)
     tokens = torch.where(column == solids.lengths[:, None], int(END), torch.where(wide.present, wide.kinds, PAD))
     sign = torch.where(wide.positive, 1.0, -1.0)[..., None]
-    params = torch.cat([wide.centers, wide.sizes, euler_from_matrices(wide.rotations), sign], -1)
+    plain = [wide.centers, wide.sizes, euler_from_matrices(wide.rotations), sign]
+    params = torch.cat([*plain, wide.forms[..., None].to(sign), wide.shares, wide.common[..., None].to(sign)], -1)
     return Sequences(tokens[:, :steps], torch.where(wide.present[..., None], params, 0.0)[:, :steps])
 
 
 def from_sequences(tokens: Tensor, params: Tensor) -> Solids:
-    """Execute `tokens` [b, t] with `params` [b, t, 10], UNDO_LAST included; END and PAD add nothing. Sizes are read by magnitude.
+    """Execute `tokens` [b, t] with `params` [b, t, 10 or WIDE_COUNT], UNDO_LAST included; END and PAD add nothing. Sizes are read by
+    magnitude.
 
     Raises ValueError for an unknown token.
     """
-    known = (tokens < len(Token)) & (tokens >= PAD)
+    known = (tokens < len(VOCABULARY)) & (tokens >= PAD)
     if not known.all():
-        raise ValueError(f"unknown token {int(tokens[~known][0])}; known are 0 to {len(Token) - 1}")
+        raise ValueError(f"unknown token {int(tokens[~known][0])}; known are 0 to {len(VOCABULARY) - 1}")
     adds = adds_primitive(tokens)
     rows = torch.arange(len(tokens), device=tokens.device)
     top = torch.zeros_like(rows)
@@ -139,12 +169,16 @@ def from_sequences(tokens: Tensor, params: Tensor) -> Solids:
     chosen = params[rows[:, None], order.clamp_min(0)]
     kinds = torch.where(order >= 0, tokens.gather(1, order.clamp_min(0)), ABSENT)
     rotations = rotation_matrices(chosen[..., 6:9])
-    return Solids(kinds, chosen[..., 9] >= 0, chosen[..., 0:3], chosen[..., 3:6].abs(), rotations).compact()
+    plain = Solids.plain(kinds, chosen[..., 9] >= 0, chosen[..., 0:3], chosen[..., 3:6].abs(), rotations)
+    if params.shape[2] == PARAM_COUNT:
+        return plain.compact()
+    form, shares, common = chosen[..., PARAM_COUNT], chosen[..., PARAM_COUNT + 1 : -1], chosen[..., -1] > 0
+    return replace(plain, forms=form.long(), shares=shares, common=common, positive=plain.positive & ~common).compact()
 
 
 def to_states(tokens: Tensor, params: Tensor) -> list[ShapeState]:
-    """Each row applied to its own `ShapeState`; PAD is skipped."""
-    states = []
+    """Each row applied to its own `ShapeState`, which knows of no more than ten numbers a step; PAD is skipped."""
+    states, params = [], params[..., :PARAM_COUNT]
     round_ones = ((tokens == SPHERE) & (params[..., 4:6] != 0).any(-1)).any(1)
     for row, numbers, ellipsoids in zip(tokens.tolist(), params.double().tolist(), round_ones.tolist(), strict=True):
         state = ShapeState(ellipsoids=ellipsoids)
@@ -157,17 +191,50 @@ def to_states(tokens: Tensor, params: Tensor) -> list[ShapeState]:
 
 def to_signed(solids: Solids) -> list[SignedSequence[Primitive]]:
     """Each row from its first positive primitive on; empty where there is none."""
-    return [state.to_sequence() for state in to_states(*to_sequences(solids.compact()))]
+    rows = solids.compact()
+    drawn, common = rows.drawn.tolist(), rows.common.tolist()
+    out = []
+    for row, state in enumerate(to_states(*_as_plain(rows))):
+        ellipsoids = state.ellipsoids
+        steps = []
+        for i, primitive in enumerate(state.to_primitives()):
+            part = to_drawn(rows, row, i) if drawn[row][i] else primitive.solid(ellipsoids)
+            steps.append(Step("intersection" if common[row][i] else "union" if primitive.sign > 0 else "difference", part))
+        out.append(tuple(dropwhile(lambda step: not step.positive, steps)))
+    return out
+
+
+def _as_plain(solids: Solids) -> Sequences:
+    """The sequences with boxes for what a `ShapeState` does not know."""
+    return to_sequences(replace(solids, kinds=torch.where(solids.drawn, BOX, solids.kinds)))
+
+
+def to_drawn(solids: Solids, row: int, column: int) -> Primitive:
+    """One extruded or turned outline."""
+    numbers = (solids.centers, solids.sizes, euler_from_matrices(solids.rotations.double()), solids.shares)
+    center, size, rotation, shares = (tuple(v[row, column].double().clamp_min(-1e9).tolist()) for v in numbers)
+    form, place = int(solids.forms[row, column]), (center[0], center[1], center[2])
+    turn = rotation[0], rotation[1], rotation[2]
+    if int(solids.kinds[row, column]) == EXTRUDE:
+        width, depth, height = (max(v, ZERO_SIZE) for v in size)
+        return Primitive("extrude", (height,), place, turn, to_outline(form, shares, (width / 2, depth / 2)))
+    radius, height = (max(v, ZERO_SIZE) for v in size[:2])
+    inner = shares[2] * radius
+    outline = to_outline(form, shares, ((radius - inner) / 2, height / 2), (radius + inner) / 2)
+    return Primitive("revolve", (FULL_TURN,), place, turn, outline)
 
 
 def from_signed(sequences: Sequence[SignedSequence[Primitive]]) -> Solids:
-    """Sequences of primitives as rows, in double precision; KeyError for an intersection, ValueError for an outline."""
-    states = [ShapeState.from_sequence(sequence) for sequence in sequences]
+    """Sequences of primitives as rows, in double precision; ValueError for an outline."""
+    # a state knows no intersections: what they cut is told aside
+    cuts = [tuple(Step("difference" if op == "intersection" else op, part) for op, part in sequence) for sequence in sequences]
+    states = [ShapeState.from_sequence(sequence) for sequence in cuts]
     tokens = torch.full((len(sequences), max(map(len, sequences)) + 1), PAD)
-    params = torch.zeros(*tokens.shape, PARAM_COUNT, dtype=torch.float64)
-    for row, state in enumerate(states):
+    params = torch.zeros(*tokens.shape, WIDE_COUNT, dtype=torch.float64)
+    for row, (state, sequence) in enumerate(zip(states, sequences, strict=True)):
         for step, (token, vector) in enumerate(state.actions()):
-            tokens[row, step], params[row, step] = int(token), torch.tensor(vector, dtype=torch.float64)
+            tokens[row, step], params[row, step, :PARAM_COUNT] = int(token), torch.tensor(vector, dtype=torch.float64)
+            params[row, step, -1] = float(step < len(sequence) and sequence[step].op == "intersection")
     return from_sequences(tokens, params)
 
 
@@ -181,7 +248,32 @@ def levels(solids: Solids, points: Tensor) -> Tensor:
     inverse = solids.rotations.permute(0, 3, 1, 2).reshape(rows, 3 * t, 3)
     origin = (solids.centers[..., None, :] @ solids.rotations)[..., 0, :].permute(0, 2, 1).reshape(rows, 3 * t, 1)
     x, y, z = torch.baddbmm(-origin, inverse, points.mT).view(rows, 3, t, -1).unbind(1)
-    return _level(_shapes(solids), x, y, z)
+    level = _level(_shapes(solids), x, y, z)
+    drawn = solids.drawn.nonzero(as_tuple=True)
+    return level.index_put(drawn, _drawn_levels(solids, drawn, x[drawn], y[drawn], z[drawn])) if len(drawn[0]) else level
+
+
+def _drawn_levels(solids: Solids, at: tuple[Tensor, ...], x: Tensor, y: Tensor, z: Tensor) -> Tensor:
+    """Levels [m, n] of the extruded and turned outlines `at` rows and columns, at points [m, n] in their frames."""
+    half, beside, turned = outline_boxes(solids.kinds[at], solids.sizes[at], solids.shares[at])
+    u = torch.where(turned[:, None], torch.hypot(x, y) - beside[:, None], x)
+    v = torch.where(turned[:, None], z, y)
+    level = outline_levels(solids.forms[at], solids.shares[at], half, u, v, turned & (solids.shares[at][:, 2] <= 0))
+    ends = torch.where(turned, torch.inf, solids.sizes[at][:, 2] / 2)[:, None]
+    return torch.maximum(level, z.abs() - ends)
+
+
+def outline_boxes(kinds: Tensor, sizes: Tensor, shares: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Half edges [..., 2] of the boxes of outlines of primitives [...], how far beside their axis they are [...], and which are turned."""
+    turned = kinds == REVOLVE
+    radius, inner = sizes[..., 0], shares[..., 2] * sizes[..., 0]
+    wide = torch.where(turned, (radius - inner) / 2, sizes[..., 0] / 2)
+    return torch.stack([wide, sizes[..., 1] / 2], -1), torch.where(turned, (radius + inner) / 2, 0.0), turned
+
+
+def holds(solids: Solids, points: Tensor) -> Tensor:
+    """Which steps decide on which points [b, n, 3], bool [b, t, n]: those within a primitive, those outside of an intersection's."""
+    return (levels(solids, points) < 0) != (solids.common & solids.present)[..., None]
 
 
 class _Shapes(NamedTuple):
@@ -227,7 +319,7 @@ def _level(s: _Shapes, x: Tensor, y: Tensor, z: Tensor) -> Tensor:
 
 
 def inside(solids: Solids, held: Tensor) -> Tensor:
-    """Membership bool [b, n] in the left fold, from that in the primitives, `held` bool [b, t, n]."""
+    """Membership bool [b, n] in the left fold, from what each step `holds`, bool [b, t, n]."""
     return last_two(solids, held)[1]
 
 

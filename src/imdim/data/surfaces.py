@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
 
-from imdim.data.solids import BOX, CONE, CYLINDER, SPHERE, TORUS, Solids, inside, levels
+from imdim.data.outlines import areas, corners, on_outlines, rounding
+from imdim.data.solids import BOX, CONE, CYLINDER, EXTRUDE, SPHERE, TORUS, Solids, holds, inside, outline_boxes
 
 STEP = 1e-4  # how far both sides of a surface are looked at, as a share of the solid's size
 ROUNDS = 4
@@ -47,12 +49,17 @@ def _candidates(solids: Solids, m: int, generator: torch.Generator) -> tuple[Ten
     kinds, sizes = solids.kinds[rows, owner], solids.sizes[rows, owner]
     local, direction = local_surface(kinds, sizes, u)
     even = torch.rand(*owner.shape, generator=generator, device=owner.device) < _stretching(kinds, sizes, local)
+    drawn = (kinds >= EXTRUDE).nonzero(as_tuple=True)
+    if len(drawn[0]):
+        chance = torch.rand(len(drawn[0]), 2, generator=generator, device=owner.device)
+        places = _on_drawn(solids, (drawn[0], owner[drawn]), u[drawn], chance)
+        local, direction = (v.index_put(drawn, w) for v, w in zip((local, direction), places, strict=True))
     rotation = solids.rotations[rows, owner]
     points = (rotation @ local[..., None])[..., 0] + solids.centers[rows, owner]
     normals = (rotation @ direction[..., None])[..., 0]
     low, high = bounds(solids)
     step = STEP * torch.linalg.vector_norm(high - low, dim=-1).clamp_min(1e-6)
-    behind, ahead = (levels(solids, points + s * step[:, None, None] * normals) < 0 for s in (-1, 1))
+    behind, ahead = (holds(solids, points + s * step[:, None, None] * normals) for s in (-1, 1))
     countdown = torch.arange(behind.shape[1], 0, -1, device=owner.device, dtype=torch.int16)[:, None]
     first = behind.shape[1] - (countdown * (behind != ahead)).amax(1)
     within, without = inside(solids, behind), inside(solids, ahead)
@@ -69,7 +76,26 @@ def surface_areas(solids: Solids) -> Tensor:
     area = torch.where(solids.ellipsoids, _ellipsoid_area(a, b, c), area)
     area = torch.where(solids.kinds == CONE, math.pi * (a * a + b * b + (a + b) * torch.hypot(a - b, c)), area)
     area = torch.where(solids.kinds == TORUS, 4 * math.pi**2 * a * b, area)
-    return torch.where(solids.kinds == CYLINDER, 2 * math.pi * a * (a + b), area)
+    area = torch.where(solids.kinds == CYLINDER, 2 * math.pi * a * (a + b), area)
+    return _of_drawn(
+        solids, area, lambda flat, around, _, h: 2 * flat + around * h, lambda _, around, middle: 2 * math.pi * middle * around
+    )
+
+
+def _of_drawn(
+    solids: Solids,
+    values: Tensor,
+    extruded: Callable[[Tensor, Tensor, Tensor, Tensor], Tensor],
+    turned: Callable[[Tensor, Tensor, Tensor], Tensor],
+) -> Tensor:
+    """`values` [b, t] with those of extruded outlines by their area, perimeter, area of their box and height, and of turned ones by area,
+    perimeter and the radius of their centroid (Pappus)."""
+    if not solids.drawn.any():
+        return values
+    half, beside, is_turned = outline_boxes(solids.kinds, solids.sizes, solids.shares)
+    flat, around, middle = areas(*_edges(solids, half))
+    pulled = extruded(flat, around, 4 * half.prod(-1), solids.sizes[..., 2])
+    return torch.where(is_turned, turned(flat, around, beside + middle), torch.where(solids.kinds == EXTRUDE, pulled, values))
 
 
 def _ellipsoid_area(a: Tensor, b: Tensor, c: Tensor) -> Tensor:
@@ -83,7 +109,9 @@ def _map_areas(solids: Solids) -> Tensor:
     a, b, c = solids.sizes.unbind(-1)
     area = torch.where(solids.kinds == TORUS, 4 * math.pi**2 * (a + b) * b, surface_areas(solids))
     widest = torch.maximum(torch.maximum(a * b, b * c), c * a)
-    return torch.where(solids.ellipsoids, 4 * math.pi * widest, area)
+    area = torch.where(solids.ellipsoids, 4 * math.pi * widest, area)
+    # ends are looked for in all of the outline's box, and what is turned is drawn as if it were as far out as it reaches
+    return _of_drawn(solids, area, lambda _, around, box, h: 2 * box + around * h, lambda _, around, __: 2 * math.pi * a * around)
 
 
 def _stretching(kinds: Tensor, sizes: Tensor, local: Tensor) -> Tensor:
@@ -103,7 +131,8 @@ def volumes(solids: Solids) -> Tensor:
     volume = torch.where(solids.kinds == SPHERE, 4 / 3 * math.pi * a * torch.where(solids.ellipsoids, b * c, a * a), volume)
     volume = torch.where(solids.kinds == CONE, math.pi / 3 * c * (a * a + a * b + b * b), volume)
     volume = torch.where(solids.kinds == TORUS, 2 * math.pi**2 * a * b * b, volume)
-    return torch.where(solids.kinds == CYLINDER, math.pi * a * a * b, volume)
+    volume = torch.where(solids.kinds == CYLINDER, math.pi * a * a * b, volume)
+    return _of_drawn(solids, volume, lambda flat, _, __, h: flat * h, lambda flat, _, middle: 2 * math.pi * middle * flat)
 
 
 def local_surface(kinds: Tensor, sizes: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
@@ -170,6 +199,38 @@ def _on_cone(bottom: Tensor, top: Tensor, h: Tensor, u: Tensor) -> tuple[Tensor,
     return torch.stack([rho * cos, rho * sin, z], -1), torch.stack([out * cos, out * sin, rise], -1)
 
 
+def _edges(solids: Solids, half: Tensor) -> tuple[Tensor, Tensor]:
+    """Corners [b, t, 8, 2] of the outlines in boxes of half edges `half` [b, t, 2], and how round they are [b, t]."""
+    return corners(solids.forms, solids.shares, half), rounding(solids.forms, solids.shares, half)
+
+
+def _on_drawn(solids: Solids, at: tuple[Tensor, Tensor], u: Tensor, chance: Tensor) -> tuple[Tensor, Tensor]:
+    """Points and outward normals [m, 3] on the extruded and turned outlines `at` rows and columns, in their frames, from uniforms [m, 3]
+    and [m, 2], as `_map_areas` says they are spread: those of ends that are beside the outline are on no surface, nor is what is put off it
+    to thin what is turned."""
+    halves, besides, turns = outline_boxes(solids.kinds, solids.sizes, solids.shares)
+    edges, rounds = _edges(solids, halves)
+    sizes, half, beside, turned = solids.sizes[at], halves[at], besides[at], turns[at]
+    on, normal = on_outlines(edges[at], rounds[at], half, u[:, 0], u[:, 1])
+    around, box = areas(edges, rounds)[1][at], 4 * half.prod(-1)
+    h = sizes[:, 2]
+    is_end = ~turned & (chance[:, 0] * (2 * box + around * h) < 2 * box)
+    up = torch.where(chance[:, 1] < 0.5, -1.0, 1.0)
+    zero = torch.zeros_like(up)
+    end = torch.stack([(2 * u[:, 0] - 1) * half[:, 0], (2 * u[:, 1] - 1) * half[:, 1], up * h / 2], -1)
+    side = torch.cat([on, ((u[:, 2] - 0.5) * h)[:, None]], -1)
+    out, angle = on[:, 0] + beside, 2 * math.pi * u[:, 2]
+    cos, sin = torch.cos(angle), torch.sin(angle)
+    # thinned by the radius: what is too much leaves for where nothing is
+    away = chance[:, 1] * sizes[:, 0] > out
+    ring = torch.stack([out * cos, out * sin, torch.where(away, 10 * sizes[:, 0] + 10, on[:, 1])], -1)
+    points = torch.where(turned[:, None], ring, torch.where(is_end[:, None], end, side))
+    flat = torch.where(
+        turned[:, None], torch.stack([normal[:, 0] * cos, normal[:, 0] * sin, normal[:, 1]], -1), torch.cat([normal, zero[:, None]], -1)
+    )
+    return points, torch.where(is_end[:, None], torch.stack([zero, zero, up], -1), flat)
+
+
 def reach(solids: Solids) -> Tensor:
     """Radius [b, t] of a ball about each centre that holds the primitive."""
     a, b, c = solids.sizes.unbind(-1)
@@ -177,6 +238,7 @@ def reach(solids: Solids) -> Tensor:
     radius = torch.where(solids.kinds == BOX, box, torch.hypot(a, b / 2))
     radius = torch.where(solids.kinds == SPHERE, solids.sizes.amax(-1), radius)
     radius = torch.where(solids.kinds == CONE, torch.hypot(torch.maximum(a, b), c / 2), radius)
+    radius = torch.where(solids.kinds == EXTRUDE, box, radius)
     return torch.where(solids.kinds == TORUS, a + b, radius)
 
 

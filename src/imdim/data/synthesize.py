@@ -16,13 +16,31 @@ from imdim.data.augment import AugmentConfig, augment
 from imdim.data.canonical import box_symmetries, canonical_order, canonical_primitives
 from imdim.data.dice import Dice
 from imdim.data.families import FAMILIES
-from imdim.data.solids import BOX, PAD, Solids, adds_primitive, concatenate, from_sequences, inside, last_two, levels, to_sequences
+from imdim.data.solids import (
+    BOX,
+    CONE,
+    CYLINDER,
+    EXTRUDE,
+    PAD,
+    REVOLVE,
+    SIGN,
+    TORUS,
+    Solids,
+    adds_primitive,
+    concatenate,
+    from_sequences,
+    holds,
+    inside,
+    last_two,
+    to_sequences,
+)
 from imdim.data.surfaces import bounds, surface_clouds
 from imdim.data.views import fit_frame, hide_unseen
 from imdim.geometry.sdf import rotation_matrices
 from imdim.program.state import UNDO_LAST
 
 MAX_PRIMITIVES = 12
+APPEND = -1  # the place of a primitive that replaces none
 DRAWS = 40
 
 
@@ -31,9 +49,11 @@ class SynthesisConfig:
     """What is drawn. `smallest_change` is the least share of the sampled volume that must depend on each step; `free_rotation` the
     share of programs in any pose (the others have their axes along the coordinate axes, any of 24 ways); `p_undo` the share of samples
     whose prefix ends with a wrong primitive that the next token takes back; `p_shaken` the share whose prefix is a little wrong throughout,
-    as what a policy writes is, by `shake` of the diagonal; `tilt` how many degrees the aligned poses are off (standard deviation);
-    `prefixes` how many samples of a batch share a program. Without `canonical_numbers` boxes and cylinders keep the one of their equal
-    rotations that they were drawn with, without `canonical_order` primitives come in the order drawn."""
+    as what a policy writes is, by `shake` of the diagonal; `p_replace` the share whose prefix has a wrong primitive somewhere that the next
+    token replaces; `p_hidden` the share of the others of whose prefix only the solid is known, as of programs that no sequence can say;
+    `tilt` how many degrees the aligned poses are off (standard deviation); `prefixes` how many samples of a batch share a program. Without
+    `canonical_numbers` boxes and cylinders keep the one of their equal rotations that they were drawn with, without `canonical_order`
+    primitives come in the order drawn."""
 
     n_min: int = 1
     n_max: int = MAX_PRIMITIVES
@@ -44,6 +64,8 @@ class SynthesisConfig:
     p_undo: float = 0.0
     p_shaken: float = 0.0
     shake: float = 0.01
+    p_replace: float = 0.0
+    p_hidden: float = 0.0
     tilt: float = 0.0
     prefixes: int = 1
     canonical_numbers: bool = True
@@ -55,13 +77,17 @@ class SynthesisConfig:
 
 class TrainingSamples(NamedTuple):
     """A batch: `gt_points` [b, n, 3], `cur_points` [b, m, 3] (zeros: the empty prefix), `gt_tokens` int64 [b, t] (END, then PAD),
-    `gt_params` [b, t, 10], and `steps` int64 [b], the length of the prefix that `cur_points` shows."""
+    `gt_params` [b, t, WIDE_COUNT], and `steps` int64 [b], the length of the prefix that `cur_points` shows. The step after it takes the
+    place of the primitive `at` int64 [b] of the prefix, or stands behind all of them (APPEND). Of those `hidden`, bool [b], a policy is to
+    see the prefix' solid alone."""
 
     gt_points: Tensor
     cur_points: Tensor
     gt_tokens: Tensor
     gt_params: Tensor
     steps: Tensor
+    at: Tensor
+    hidden: Tensor
 
     @property
     def written(self) -> Solids:
@@ -105,7 +131,13 @@ def with_prefixes(
         column = torch.arange(tokens.shape[1], device=tokens.device)
         off = dice.coin(config.p_shaken)[:, None] & (column < steps[:, None])
         params = torch.where(off[..., None], _shake(params, config.shake, dice), params)
-    samples = TrainingSamples(gt_points, gt_points[:, :0], tokens, params, steps)
+    at = torch.full_like(steps, APPEND)
+    if config.p_replace > 0:
+        rows = torch.arange(len(steps), device=steps.device)
+        where = dice.coin(config.p_replace) & (steps > 0) & (tokens[rows, steps] != int(UNDO_LAST))
+        tokens, params, at = _insert_replacements(tokens, params, steps, where, dice)
+    hidden = dice.coin(config.p_hidden) & (at == APPEND) if config.p_hidden > 0 else torch.zeros_like(at, dtype=torch.bool)
+    samples = TrainingSamples(gt_points, gt_points[:, :0], tokens, params, steps, at, hidden)
     return samples._replace(cur_points=surface_clouds(samples.written, config.cur_points, generator)[0])
 
 
@@ -136,6 +168,52 @@ def _insert_mistakes(tokens: Tensor, params: Tensor, steps: Tensor, where: Tenso
     wide = torch.where(mistake, wrong, torch.where(undo, int(UNDO_LAST), wide))
     numbers = torch.where(mistake[..., None], error[:, None], torch.where(undo[..., None], 0.0, numbers))
     return wide, numbers, steps + where
+
+
+def _insert_replacements(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor, dice: Dice) -> tuple[Tensor, Tensor, Tensor]:
+    """One column wider; in rows `where` a primitive of the prefix is wrong, and the right one stands behind the prefix. Also its place.
+
+    A wrong one is a plainer shape that fills the same room, as a search finds it first, the right one in a wrong place or size, or
+    sometimes the first of the next row.
+    """
+    rows, column = torch.arange(len(tokens), device=tokens.device), torch.arange(tokens.shape[1] + 1, device=tokens.device)
+    at = torch.where(where, torch.minimum((dice.uniform(0.0, 1.0) * steps).long(), steps - 1), APPEND)
+    source = (column - (where[:, None] & (column > steps[:, None])).long()).clamp_max(tokens.shape[1] - 1)
+    last = (column == tokens.shape[1]) & ~where[:, None]
+    wide = torch.where(last, PAD, tokens.gather(1, source))
+    numbers = torch.where(last[..., None], 0.0, params.gather(1, source[..., None].expand(-1, -1, params.shape[2])))
+    place = at.clamp_min(0)
+    right, its = tokens[rows, place], params[rows, place]
+    astray = its.clone()
+    astray[:, :3] += 0.05 * dice.normal(3)
+    astray[:, 3:6] *= torch.exp(0.25 * dice.normal(3))
+    plainer, plain = _plainer(right, its, dice.coin(0.5))
+    chance = dice.uniform(0.0, 1.0)
+    simpler, other = chance < 0.45, chance > 0.85
+    wrong = torch.where(simpler, plainer, torch.where(other, tokens[:, 0].roll(-1, 0), right))
+    error = torch.where(simpler[:, None], plain, torch.where(other[:, None], params[:, 0].roll(-1, 0), astray))
+    error[:, SIGN] = its[:, SIGN]
+    error[:, -1] = its[:, -1]
+    here, behind = (where[:, None] & (column == place[:, None])), (where[:, None] & (column == steps[:, None]))
+    wide = torch.where(here, wrong[:, None], torch.where(behind, right[:, None], wide))
+    numbers = torch.where(here[..., None], error[:, None], torch.where(behind[..., None], its[:, None], numbers))
+    return wide, numbers, at
+
+
+def _plainer(kinds: Tensor, params: Tensor, flip: Tensor) -> tuple[Tensor, Tensor]:
+    """Boxes or cylinders, tokens [b] with numbers [b, WIDE_COUNT], that fill what primitives of `kinds` [b] do; where these are boxes or
+    cylinders, or `flip`, the other one of the two."""
+    a, b, c = params[:, 3:6].unbind(1)
+    boxy = (kinds == BOX) | (kinds == EXTRUDE)
+    wide = torch.where(boxy, (a + b) / 4, torch.where(kinds == TORUS, a + b, torch.where(kinds == CONE, torch.maximum(a, b), a)))
+    flat = (kinds == CYLINDER) | (kinds == REVOLVE)
+    tall = torch.where(boxy | (kinds == CONE), c, torch.where(flat, b, torch.where(kinds == TORUS, 2 * b, 2 * a)))
+    to_box = torch.where(kinds == BOX, False, torch.where(kinds == CYLINDER, True, boxy != flip))
+    edges = torch.where(boxy[:, None], torch.stack([a, b], 1), 2 * wide[:, None])
+    box, cylinder = torch.cat([edges, tall[:, None]], 1), torch.stack([wide, tall, torch.zeros_like(wide)], 1)
+    sizes = torch.where(to_box[:, None], box, cylinder)
+    plain = torch.cat([params[:, :3], sizes, params[:, 6:10], torch.zeros_like(params[:, 10:])], 1)
+    return torch.where(to_box, BOX, CYLINDER), plain
 
 
 def draw_programs(n: int, config: SynthesisConfig, generator: torch.Generator) -> tuple[Solids, Tensor]:
@@ -200,7 +278,7 @@ def contributions(solids: Solids, samples: int, generator: torch.Generator) -> T
     low, high = bounds(solids)
     u = torch.rand(len(low), samples, 3, generator=generator, device=low.device)
     points = low[:, None] + u * (high - low)[:, None]
-    last, now, before = last_two(solids, levels(solids, points) < 0)
+    last, now, before = last_two(solids, holds(solids, points))
     counts = torch.zeros(len(low), solids.kinds.shape[1] + 1, device=low.device)
     counts.scatter_add_(1, last + 1, (now != before).float())
     return counts[:, 1:] / now.sum(1, keepdim=True).clamp_min(1)
@@ -231,5 +309,5 @@ def estimate_iou(a: Solids, b: Solids, samples: int, generator: torch.Generator,
     low, high = torch.minimum(low_a, low_b), torch.maximum(high_a, high_b)
     u = torch.rand(len(low) // alike, samples, 3, generator=generator, device=low.device).repeat_interleave(alike, 0)
     points = low[:, None] + u * (high - low)[:, None]
-    in_a, in_b = (inside(s, levels(s, points) < 0) for s in (a, b))
+    in_a, in_b = (inside(s, holds(s, points)) for s in (a, b))
     return (in_a & in_b).sum(1) / (in_a | in_b).sum(1).clamp_min(1)

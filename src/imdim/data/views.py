@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from imdim.data.dice import Dice
-from imdim.data.solids import Solids, inside, levels
+from imdim.data.solids import Solids, holds, inside
 
 MARCH = 24  # places looked at on the way out
 FIRST, LAST = 0.004, 1.1  # of the diagonal: how far out they begin and end
@@ -40,7 +40,7 @@ def _blocked(solids: Solids, points: Tensor, direction: Tensor) -> Tensor:
     """Whether the solid stands on the way from `points` [b, n, 3] along `direction` [b, 3], bool [b, n]."""
     steps = torch.cat([torch.tensor([FIRST]), torch.linspace(0.02, LAST, MARCH - 1)]).to(points)
     way = points[:, :, None] + steps[:, None] * direction[:, None, None]
-    held = inside(solids, levels(solids, way.flatten(1, 2)) < 0)
+    held = inside(solids, holds(solids, way.flatten(1, 2)))
     return held.unflatten(1, (points.shape[1], MARCH)).any(2)
 
 

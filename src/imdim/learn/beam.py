@@ -9,10 +9,10 @@ from torch import Tensor
 
 from imdim.data.solids import Solids, empty
 from imdim.data.surfaces import surface_clouds
-from imdim.learn.decode import DecodeConfig, apply_move
+from imdim.learn.decode import DecodeConfig, apply_move, takes_back
 from imdim.learn.policy import Policy, Sight
 from imdim.learn.profile import fold_levels
-from imdim.program.state import END, UNDO_LAST
+from imdim.program.state import END
 
 FAR = 0.1  # of the diagonal; a point further off weighs no more
 PATIENCE, STALE = 2, 1e-5  # a target whose best answer has not gained as much in this many steps is done
@@ -88,7 +88,7 @@ def _expand(
     after = apply_move(before[each], move)
     shown = surface_clouds(after, config.cur_points, render)[0]
     costs = torch.where(ended, torch.inf, costs_of(after, target[each], shown, config))
-    undone = states.undone[alive][each] + (move.tokens == int(UNDO_LAST))
+    undone = states.undone[alive][each] + takes_back(move)
     full = len(states.costs) * beam * ways
     place = (alive[:, None] * ways + torch.arange(ways, device=alive.device)).flatten()
     scattered = [torch.zeros(full, *v.shape[1:], dtype=v.dtype, device=v.device).index_copy(0, place, v) for v in (shown, undone)]

@@ -19,16 +19,15 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from imdim.learn.policy import VOCAB, Policy
+from imdim.data.solids import VOCABULARY
+from imdim.learn.policy import Policy
 from imdim.learn.policy_net import BaseConfig, BasePolicy
 from imdim.learn.seed_policy import SeedConfig, SeedPolicy
 from imdim.learn.stump.net import StumpNet
 from imdim.learn.stump.settings import StumpConfig
-from imdim.program.state import Token
 from imdim.whole_file import replace_whole
 
 FORMAT, STUMP_FORMAT, VERSION = "imdim-policy", "imdim-stump", "1"
-VOCABULARY = [Token(i).name for i in range(VOCAB)]
 POLICIES: Mapping[str, tuple[type, type]] = {"seed": (SeedPolicy, SeedConfig), "base": (BasePolicy, BaseConfig)}
 
 LARGEST = 1_000_000  # of any number of a design
@@ -56,7 +55,7 @@ def save_net(path: Path, net: Policy | StumpNet, notes: Mapping[str, str]) -> No
         header["format"] = STUMP_FORMAT
     else:
         design = next(name for name, (kind, _) in POLICIES.items() if type(net) is kind)
-        header |= {"format": FORMAT, "vocabulary": json.dumps(VOCABULARY), "design": design, "max_seq_len": str(net.max_seq_len)}
+        header |= {"format": FORMAT, "vocabulary": json.dumps(list(VOCABULARY)), "design": design, "max_seq_len": str(net.max_seq_len)}
     replace_whole(path, _serialise({k: v.detach().cpu().contiguous() for k, v in net.state_dict().items()}, header))
 
 
@@ -81,7 +80,7 @@ def load_stump(path: Path) -> tuple[StumpNet, dict[str, str]]:
 def load_policy(path: Path, device: torch.device | str = "cpu") -> tuple[Policy, dict[str, str]]:
     """The policy in evaluation mode, and the file's header. Raises CheckpointError, OSError when the file cannot be read."""
     header, weights = _read(path, FORMAT)
-    if header.get("vocabulary") != json.dumps(VOCABULARY):
+    if header.get("vocabulary") != json.dumps(list(VOCABULARY)):
         given = re.sub(r'["\[\],]+', " ", str(header.get("vocabulary")))  # a list in JSON as it is read aloud
         raise CheckpointError(f"{path}: vocabulary {_short(given)}, this program's is {' '.join(VOCABULARY)}")
     if header.get("design") not in POLICIES:

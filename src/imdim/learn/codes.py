@@ -3,8 +3,9 @@
 The box of the target's cloud is the ruler. Along each of its three axes a place is one of `STEPS` + 1 marks from face to face, some marks
 further out, or "beyond". A primitive is its `turn` (the axis of a cylinder, or a free rotation) and the low and high ends of its own
 axis-parallel box, so that faces of boxes and ends of cylinders stand where the cloud shows them. Only what is turned freely needs more: two
-columns of its rotation (or another of the `ROTATION_CODES`) and the logarithms of its sizes. Cones and tori stand in the cylinders that
-hold them, ellipsoids in boxes; a cone has its taper beside, which tells how much its ends differ.
+columns of its rotation (or another of the `ROTATION_CODES`) and the logarithms of its sizes. Cones, tori and what is turned stand in the
+cylinders that hold them, ellipsoids and what is extruded in boxes; a cone has its taper beside, which tells how much its ends differ, an
+outline its form and the shares of its box.
 
 Ends of cutters outside of the cloud's box are one choice: where a cut leaves the solid, its length is nobody's to know.
 """
@@ -19,7 +20,8 @@ from torch import Tensor
 from torch.nn.functional import one_hot
 
 from imdim.data.canonical import shortest_from_z
-from imdim.data.solids import BOX, CONE, CYLINDER, SPHERE, TORUS, Solids
+from imdim.data.outlines import NO_FORM, SHARES, Family, family_of, used_shares
+from imdim.data.solids import BOX, CONE, CYLINDER, EXTRUDE, REVOLVE, SPHERE, TORUS, Solids
 from imdim.learn.rotations import ROTATION_CODES
 
 STEPS, OUTSIDE = 40, 20
@@ -28,20 +30,24 @@ FIRST = OUTSIDE + 1  # the place of the box's low face
 FREE, TURNS = 3, 4  # the turn of what no coordinate axis describes; 0 to 2: along x, y, z
 OVAL = 1  # the turn of a sphere that is an ellipsoid along the axes; 0: a ball
 BINS = 41
-ENDS, NUMBERS, TAPER = 6, 10, 9
+ENDS, NUMBERS, TAPER = 6, 10 + SHARES, 9
+SIGNS = 3  # cut, united, intersected with
+COMMON = 2
 HIDDEN, BEYOND = 0.02, 0.1  # of an edge: a cutter's end further out is not seen, and where a network is told it is
 THROUGH = 1.0  # of the longest edge: where such an end is put
 ALIGNED = math.cos(math.radians(2.5))
 SMALLEST = 1e-3
+MOST_SHARE, MOST_WALL = 0.96, 0.46  # of an outline's box: how thick its bars may be, and each wall of a U
 LOG_LOW, LOG_HIGH = math.log(0.005), math.log(1.3)
 
 
 @dataclass(frozen=True)
 class Choices:
-    """`turn` [b], `places` [b, 6] (x low, x high, y low, ...) and `bins` [b, 10] (z axis, x axis, sizes, taper), int64; `offsets` [b, 16]
-    from the mark or bin, in steps, -0.5 to 0.5."""
+    """`turn` and `form` [b], `places` [b, 6] (x low, x high, y low, ...) and `bins` [b, 13] (z axis, x axis, sizes, taper, shares of the
+    outline's box), int64; `offsets` [b, 19] from the mark or bin, in steps, -0.5 to 0.5."""
 
     turn: Tensor
+    form: Tensor
     places: Tensor
     bins: Tensor
     offsets: Tensor
@@ -58,15 +64,16 @@ class Choices:
 
     def mask_used_bins(self, kinds: Tensor, code: str = "columns") -> Tensor:
         """Which of the bins mean something, bool [b, NUMBERS], for tokens `kinds` [b]; `code` is of the rotation."""
-        cornered, turn = ((kinds == BOX) | (kinds == SPHERE))[:, None], ROTATION_CODES[code]
+        cornered, turn = ((kinds == BOX) | (kinds == SPHERE) | (kinds == EXTRUDE))[:, None], ROTATION_CODES[code]
         needed = torch.where(cornered, turn.box, turn.cylinder) > torch.arange(6, device=kinds.device)
         always = torch.ones_like(cornered)
         free = (self.turn == FREE)[:, None] & torch.cat([needed, always, always, cornered], 1)
-        return torch.cat([free, (kinds == CONE)[:, None]], 1)
+        form = torch.where(kinds >= EXTRUDE, self.form, NO_FORM)
+        return torch.cat([free, (kinds == CONE)[:, None], used_shares(form, kinds == REVOLVE)], 1)
 
     def as_drawn(self) -> Choices:
         """Zero where the turn leaves nothing to choose: the bins of rotations and sizes along the axes."""
-        drawn = (self.turn == FREE)[:, None] | (torch.arange(NUMBERS, device=self.turn.device) == TAPER)
+        drawn = (self.turn == FREE)[:, None] | (torch.arange(NUMBERS, device=self.turn.device) >= TAPER)
         return replace(self, bins=self.bins * drawn)
 
 
@@ -90,26 +97,34 @@ def encode(part: Solids, low: Tensor, edges: Tensor, code: str = "columns") -> C
     kinds, rotation, sizes = part.kinds[:, 0], part.rotations[:, 0], to_hulls(part)[:, 0]
     axis = rotation[..., 2].abs()
     along = axis.argmax(-1)
-    oval, turning = part.ellipsoids[:, 0], _is_turned(kinds)
+    oval, turning = part.ellipsoids[:, 0], _is_turned(kinds) | (kinds == EXTRUDE)
     straight = torch.where(turning, axis.amax(-1), rotation.diagonal(dim1=-2, dim2=-1).amin(-1)) > ALIGNED
     turn = torch.where(straight, torch.where(turning, along, torch.where(oval, OVAL, 0)), FREE)
     turn = torch.where((kinds == SPHERE) & ~oval, 0, turn)
+    spun = (shortest_from_z(part.rotations[:, 0, :, 2]).mT @ rotation[..., :1])[..., 0, 0] < ALIGNED
+    turn = torch.where((kinds == EXTRUDE) & spun, FREE, turn)
     half, middle = half_extents(kinds, rotation, sizes, turn), part.centers[:, 0] - low
     # of what is turned freely the ends say the middle alone: where they are further out than marks go they move in by as much each
     room = torch.minimum(middle, edges - middle) + edges * (OUTSIDE / STEPS)
     half = torch.where((turn == FREE)[:, None], torch.minimum(half, room.clamp_min(0.0)), half)
     ends = torch.stack([middle - half, middle + half], -1) / edges[..., None]
-    flat = ((kinds == BOX)[:, None] | ((kinds == CYLINDER)[:, None] & one_hot(along, 3).bool())) & (turn != FREE)[:, None]
+    has_ends = (kinds == CYLINDER) | (kinds == EXTRUDE)
+    flat = ((kinds == BOX)[:, None] | (has_ends[:, None] & one_hot(along, 3).bool())) & (turn != FREE)[:, None]
     unseen = (flat & ~part.positive)[..., None] & ((ends < -HIDDEN) | (ends > 1 + HIDDEN))
     places, shift = to_places(ends.flatten(1), unseen.flatten(1))
     scaled = (torch.log(sizes.clamp_min(SMALLEST)) - LOG_LOW) / (LOG_HIGH - LOG_LOW)
     taper = (to_taper(part) + 1) / 2
-    bins, moved = to_bins(torch.cat([ROTATION_CODES[code].numbers(rotation), scaled, taper], -1))
-    return Choices(turn, places, bins, torch.cat([shift, moved], -1))
+    bins, moved = to_bins(torch.cat([ROTATION_CODES[code].numbers(rotation), scaled, taper, part.shares[:, 0]], -1))
+    return Choices(turn, part.forms[:, 0], places, bins, torch.cat([shift, moved], -1))
 
 
-def decode(kinds: Tensor, positive: Tensor, choices: Choices, low: Tensor, edges: Tensor, code: str = "columns") -> Solids:
-    """Primitives [b, 1] of kinds [b] (tokens ADD_*) and signs [b] that `choices` describe."""
+def encode_signs(part: Solids) -> Tensor:
+    """0 for what is cut, 1 for what is united, COMMON for what is intersected with, [b], of `part` [b, 1]."""
+    return torch.where(part.common[:, 0], COMMON, part.positive[:, 0].long())
+
+
+def decode(kinds: Tensor, signs: Tensor, choices: Choices, low: Tensor, edges: Tensor, code: str = "columns") -> Solids:
+    """Primitives [b, 1] of kinds [b] (tokens ADD_*) and signs [b] (see `encode_signs`) that `choices` describe."""
     ends = choices.shares().view(-1, 3, 2) * edges[..., None] + low[..., None]
     # a cutter may have to remove what a positive primitive left far outside
     far = edges.amax(-1)[:, None] * THROUGH
@@ -130,16 +145,29 @@ def decode(kinds: Tensor, positive: Tensor, choices: Choices, low: Tensor, edges
     free_sizes = torch.exp(LOG_LOW + numbers[:, 6:TAPER] * (LOG_HIGH - LOG_LOW))
     hulls = torch.where(free[:, None], free_sizes, torch.where((turning | ball)[:, None], round_sizes, edge)).clamp_min(SMALLEST)
     eye = torch.eye(3, device=kinds.device)
-    straight = torch.where(turning[:, None, None], shortest_from_z(eye[choices.turn.clamp_max(2)]), eye)
+    has_axis = turning | (kinds == EXTRUDE)
+    straight = torch.where(has_axis[:, None, None], shortest_from_z(eye[choices.turn.clamp_max(2)]), eye)
     rotation = torch.where(free[:, None, None], ROTATION_CODES[code].rotations(numbers[:, :6]), straight)
+    # the box of what is extruded has its height along z
+    local = (straight.abs().mT @ hulls[..., None])[..., 0]
+    hulls = torch.where(((kinds == EXTRUDE) & ~free)[:, None], local, hulls)
     sizes = from_hulls(kinds, hulls, 2 * numbers[:, TAPER] - 1, ball)
-    columns = (kinds, positive, middle, sizes, rotation)
+    drawn = kinds >= EXTRUDE
+    # an outline needs a form
+    form = torch.where(drawn, choices.form.clamp_min(1), NO_FORM)
+    shares = torch.where(used_shares(form, kinds == REVOLVE), numbers[:, TAPER + 1 :].clamp(0, MOST_SHARE), 0.0)
+    family = family_of(form)
+    polygon = (kinds == EXTRUDE) & (family >= Family.TRIANGLE) & (family <= Family.OCTAGON)
+    sizes = torch.where(polygon[:, None] & (torch.arange(3, device=kinds.device) < 2), sizes[:, :2].amax(1, keepdim=True), sizes)
+    thin = torch.where(family == Family.CHANNEL, MOST_WALL, MOST_SHARE)
+    shares = torch.cat([torch.where(family == Family.ROUNDED, shares[:, 0], torch.minimum(shares[:, 0], thin))[:, None], shares[:, 1:]], 1)
+    columns = (kinds, signs == 1, middle, sizes, rotation, form, shares, signs == COMMON)
     return Solids(*(column[:, None] for column in columns))
 
 
 def _is_turned(kinds: Tensor) -> Tensor:
     """Which kinds are round about their axis and no balls."""
-    return (kinds == CYLINDER) | (kinds == CONE) | (kinds == TORUS)
+    return (kinds == CYLINDER) | (kinds == CONE) | (kinds == TORUS) | (kinds == REVOLVE)
 
 
 def to_hulls(part: Solids) -> Tensor:
@@ -174,11 +202,13 @@ def from_hulls(kinds: Tensor, hulls: Tensor, taper: Tensor, ball: Tensor) -> Ten
 
 def half_extents(kinds: Tensor, rotation: Tensor, sizes: Tensor, turn: Tensor) -> Tensor:
     """Half the edges [b, 3] of the axis-parallel boxes of hulls of `sizes` [b, 3] (see `to_hulls`); nearly straight ones are straight."""
-    axis = torch.where((turn == FREE)[:, None], rotation[..., 2].abs(), one_hot(turn.clamp_max(2), 3).to(sizes))
-    box = torch.where((turn == FREE)[:, None], (rotation.abs() @ sizes[..., None])[..., 0], sizes) / 2
+    free, straight = (turn == FREE)[:, None], one_hot(turn.clamp_max(2), 3).to(sizes)
+    axis = torch.where(free, rotation[..., 2].abs(), straight)
+    along = torch.where((kinds == EXTRUDE)[:, None], (shortest_from_z(straight).abs() @ sizes[..., None])[..., 0], sizes)
+    box = torch.where(free, (rotation.abs() @ sizes[..., None])[..., 0], along) / 2
     radius, height = sizes[:, :1], sizes[:, 1:2]
     cylinder = height / 2 * axis + radius * torch.sqrt((1 - axis.square()).clamp_min(0.0))
-    cornered = (kinds == BOX) | ((kinds == SPHERE) & (turn != 0))
+    cornered = (kinds == BOX) | (kinds == EXTRUDE) | ((kinds == SPHERE) & (turn != 0))
     return torch.where(cornered[:, None], box, torch.where(_is_turned(kinds)[:, None], cylinder, radius))
 
 

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from imdim.data.solids import ABSENT, Solids, adds_primitive, empty
 from imdim.data.surfaces import surface_clouds
+from imdim.data.synthesize import APPEND
 from imdim.learn.policy import Move, Policy, Sight
 from imdim.program.state import END, UNDO_LAST
 
@@ -60,7 +61,7 @@ def steps(
         after = apply_move(written, move)
         solids = Solids(*(getattr(solids, f.name).index_copy(0, rows, getattr(after, f.name)) for f in fields(Solids)))
         yield DecodeStep(rows, seen, move, solids)
-        undone[rows] += move.tokens == int(UNDO_LAST)
+        undone[rows] += takes_back(move)
         rows = rows[move.tokens != int(END)]
 
 
@@ -74,12 +75,18 @@ def decode(
     return solids
 
 
+def takes_back(move: Move) -> Tensor:
+    """Which moves undo something that was written, bool [b]."""
+    return (move.tokens == int(UNDO_LAST)) | (adds_primitive(move.tokens) & (move.at != APPEND))
+
+
 def apply_move(solids: Solids, move: Move) -> Solids:
     """The sequences after the move."""
     rows = torch.arange(len(move.tokens), device=move.tokens.device)
     width, length = solids.kinds.shape[1], solids.lengths
-    adds = adds_primitive(move.tokens) & (length < width)
-    at = rows[adds], length[adds]
+    place = torch.where(move.at == APPEND, length, move.at)
+    adds = adds_primitive(move.tokens) & (place < width)
+    at = rows[adds], place[adds]
     after = Solids(*(getattr(solids, f.name).index_put(at, getattr(move.part, f.name)[adds, 0]) for f in fields(Solids)))
     back = move.tokens == int(UNDO_LAST)
     last = torch.arange(width, device=rows.device) == (length - 1)[:, None]

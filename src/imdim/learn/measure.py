@@ -12,11 +12,10 @@ import torch
 from torch import Tensor
 
 from imdim.data.canonical import box_symmetries, canonical_primitives
-from imdim.data.solids import BOX, SPHERE, Solids, adds_primitive, to_sequences
+from imdim.data.solids import BOX, EXTRUDE, NAMES, SIGN, SPHERE, Solids, adds_primitive, to_sequences
 from imdim.data.synthesize import TrainingSamples
 from imdim.learn.codes import FREE, encode, ruler
 from imdim.learn.policy import Move, Policy, Sight
-from imdim.program.state import TOKEN_OF
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def errors_by_kind(batch: TrainingSamples, move: Move) -> dict[str, KindError]:
     angle = _angles(truth, part)[:, 0]
     right = tokens == move.tokens
     turned = adds_primitive(tokens) & (encode(truth, *ruler(batch.gt_points)).turn == FREE)
-    met = {**{name: tokens == int(token) for name, token in TOKEN_OF.items()}, "turned": turned}
+    met = {**{name: tokens == token for token, name in NAMES.items()}, "turned": turned}
     found = {}
     for name, rows in met.items():
         here = right & rows
@@ -57,10 +56,11 @@ def errors_by_kind(batch: TrainingSamples, move: Move) -> dict[str, KindError]:
 
 
 def exact_structure(found: Solids, truth: Solids) -> Tensor:
-    """Whether each row has the kinds and signs of the truth, in its order, bool [b]."""
+    """Whether each row has the kinds, signs and forms of the truth, in its order, bool [b]."""
     width = max(found.kinds.shape[1], truth.kinds.shape[1]) + 1
     (a, p), (b, q) = (to_sequences(s, width) for s in (found, truth))
-    return (a == b).all(1) & (p[..., 9] == q[..., 9]).all(1)
+    told = [SIGN, SIGN + 1, -1]
+    return (a == b).all(1) & (p[..., told] == q[..., told]).flatten(1).all(1)
 
 
 def summary(values: list[float]) -> dict[str, float]:
@@ -76,5 +76,5 @@ def _angles(truth: Solids, found: Solids) -> Tensor:
     box = torch.rad2deg(torch.arccos(((trace - 1) / 2).clamp(-1, 1)))
     axis = torch.rad2deg(torch.arccos(relative[..., 2, 2].abs().clamp(0, 1)))
     zero = torch.zeros_like(axis)
-    turned = torch.where((truth.kinds == BOX) | truth.ellipsoids, box, axis)
+    turned = torch.where((truth.kinds == BOX) | (truth.kinds == EXTRUDE) | truth.ellipsoids, box, axis)
     return torch.where((truth.kinds == SPHERE) & ~truth.ellipsoids, zero, turned)

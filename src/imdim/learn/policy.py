@@ -8,15 +8,16 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from imdim.data.solids import ADDING, PAD, Solids
+from imdim.data.solids import ADDING, PAD, VOCABULARY, Solids
 from imdim.data.synthesize import TrainingSamples
-from imdim.program.state import END, UNDO_LAST, Token
+from imdim.program.state import END, UNDO_LAST
 
-VOCAB = len(Token)
+VOCAB = len(VOCABULARY)
 
 
 class Move(NamedTuple):
-    """One step for each row: `tokens` int64 [b], the primitive `part` [b, 1] (meaningless unless the token adds it) and log p [b].
+    """One step for each row: `tokens` int64 [b], the primitive `part` [b, 1] (meaningless unless the token adds it), log p [b], and the
+    primitive `at` int64 [b] of the program whose place it takes (APPEND: none's).
 
     `draws` [b, k] is what a policy drew to get there, for its own `log_prob`, where the primitive does not tell.
     """
@@ -24,16 +25,19 @@ class Move(NamedTuple):
     tokens: Tensor
     part: Solids
     log_p: Tensor
+    at: Tensor
     draws: Tensor | None = None
 
     def of(self, rows: Tensor) -> Move:
         """The moves of some rows."""
-        return Move(self.tokens[rows], self.part[rows], self.log_p[rows], None if self.draws is None else self.draws[rows])
+        draws = None if self.draws is None else self.draws[rows]
+        return Move(self.tokens[rows], self.part[rows], self.log_p[rows], self.at[rows], draws)
 
 
 class Sight(NamedTuple):
     """States as a policy sees them: targets `gt_points` [b, n, 3], the cloud `current` [b, m, 3] (zeros: empty) of the `written` programs,
-    and whether each `may_undo` [b]. Else UNDO_LAST is barred: a policy that adds and takes back without end would not halt.
+    and whether each `may_undo` [b]. Else UNDO_LAST is barred, and taking another one's place: a policy that adds and takes back without end
+    would not halt.
 
     Where the program has more than primitives, `outside` [b, n] is how far the target's points are outside of it (negative: within), and
     `written` is empty. Who `must_add` asks for primitives alone.
@@ -76,12 +80,12 @@ class Policy(nn.Module):
         """
 
 
-def legal(lengths: Tensor, most: int, may_undo: Tensor | None = None) -> Tensor:
-    """Mask [b, VOCAB]: no UNDO_LAST or END in an empty state, no primitive beyond `most`."""
-    mask = torch.ones(len(lengths), VOCAB, dtype=torch.bool, device=lengths.device)
+def legal(lengths: Tensor, most: int, may_undo: Tensor | None = None, vocab: int = VOCAB) -> Tensor:
+    """Mask [b, vocab]: no UNDO_LAST or END in an empty state, no primitive beyond `most`."""
+    mask = torch.ones(len(lengths), vocab, dtype=torch.bool, device=lengths.device)
     mask[:, int(END)] = lengths > 0
     mask[:, int(UNDO_LAST)] = lengths > 0 if may_undo is None else (lengths > 0) & may_undo
-    mask[:, list(ADDING)] = (lengths < most)[:, None]
+    mask[:, [token for token in ADDING if token < vocab]] = (lengths < most)[:, None]
     return mask
 
 
@@ -94,15 +98,16 @@ def choose_tokens(
     must_add: bool = False,
 ) -> tuple[Tensor, Tensor]:
     """Tokens [b] and their log p [b] among the legal ones, or among those that add a primitive."""
-    mask = legal(lengths, most, may_undo)
+    mask = legal(lengths, most, may_undo, logits.shape[1])
     if must_add:
-        mask[:, [token for token in range(VOCAB) if token not in ADDING]] = False
+        mask[:, [token for token in range(logits.shape[1]) if token not in ADDING]] = False
     return draw_index(logits.masked_fill(~mask, -torch.inf), generator)
 
 
 def token_log_p(logits: Tensor, tokens: Tensor, lengths: Tensor, most: int, may_undo: Tensor | None = None) -> Tensor:
     """Log p [b] of `tokens` [b] among the legal ones."""
-    return logits.masked_fill(~legal(lengths, most, may_undo), -torch.inf).log_softmax(-1).gather(1, tokens[:, None])[:, 0]
+    mask = legal(lengths, most, may_undo, logits.shape[1])
+    return logits.masked_fill(~mask, -torch.inf).log_softmax(-1).gather(1, tokens[:, None])[:, 0]
 
 
 def draw_index(logits: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:

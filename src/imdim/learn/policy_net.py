@@ -15,18 +15,37 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from imdim.data.canonical import canonical_primitives
-from imdim.data.solids import ABSENT, BOX, Solids, adds_primitive
-from imdim.data.synthesize import TrainingSamples
+from imdim.data.outlines import FORMS
+from imdim.data.solids import ABSENT, BOX, EXTRUDE, Solids, adds_primitive
+from imdim.data.synthesize import APPEND, TrainingSamples
 from imdim.learn.attention import Layer, causal
-from imdim.learn.codes import BINS, ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, numbers_of, ruler, to_bins
+from imdim.learn.codes import (
+    BINS,
+    COMMON,
+    ENDS,
+    FIRST,
+    FREE,
+    NUMBERS,
+    PLACES,
+    SIGNS,
+    STEPS,
+    TURNS,
+    Choices,
+    decode,
+    encode,
+    encode_signs,
+    numbers_of,
+    ruler,
+    to_bins,
+)
 from imdim.learn.draft import Draft, StateView
 from imdim.learn.pointer import Pointer
 from imdim.learn.policy import VOCAB, Move, Policy, Sight, choose_tokens, draw_index, token_log_p
-from imdim.learn.profile import COUNTS, SlabTokens, histograms, look
+from imdim.learn.profile import COUNTS, SlabTokens, fold_levels, histograms, look
 from imdim.learn.regression import Regression
 from imdim.learn.rotations import ROTATION_CODES
 
-HEAD = 3  # slots before the ends: token, sign, turn
+HEAD = 5  # slots before the ends: token, whose place it takes, sign, turn, form
 SLOTS = HEAD + ENDS + NUMBERS
 MARGIN = 0.6 / STEPS  # points this far outside of the ends chosen still count as within
 
@@ -67,16 +86,19 @@ class BasePolicy(Policy):
         self.config, self.max_seq_len = config, max_seq_len
         d = config.d_model
         self.slabs = SlabTokens(d, config.point_width, config.local)
-        self.history = nn.Linear(ENDS + NUMBERS + TURNS + VOCAB + 1, d)
+        self.history = nn.Linear(ENDS + NUMBERS + TURNS + VOCAB + SIGNS + FORMS, d)
         self.order = nn.Parameter(0.02 * torch.randn(max_seq_len, d))
         self.encoder = nn.ModuleList(Layer(d, config.heads) for _ in range(config.encoder_layers))
         self.decoder = nn.ModuleList(Layer(d, config.heads, cross=True) for _ in range(config.decoder_layers))
         self.encoded, self.decoded = nn.LayerNorm(d), nn.LayerNorm(d)
         self.slot = nn.Parameter(0.02 * torch.randn(SLOTS, d))
-        self.token_embed, self.sign_embed, self.turn_embed = (nn.Embedding(n, d) for n in (VOCAB, 2, TURNS))
+        heads = (VOCAB, SIGNS, TURNS, FORMS)
+        self.token_embed, self.sign_embed, self.turn_embed, self.form_embed = (nn.Embedding(n, d) for n in heads)
         self.place_embed, self.bin_embed = nn.Embedding(PLACES, d), nn.Embedding(BINS * NUMBERS, d)
         self.glance = nn.Linear((STEPS + 1) * (COUNTS + 1), d)
-        self.to_token, self.to_sign, self.to_turn = (nn.Linear(d, n) for n in (VOCAB, 2, TURNS))
+        self.to_token, self.to_sign, self.to_turn, self.to_form = (nn.Linear(d, n) for n in heads)
+        # a primitive of the program is pointed at, or none
+        self.to_place, self.from_place, self.behind = nn.Linear(d, d), nn.Linear(d, d), nn.Parameter(torch.zeros(d))
         self.pointer = Pointer(d, config.pointing and config.local)
         self.to_bins = nn.Parameter(torch.randn(NUMBERS, d, BINS) * d**-0.5)
         self.to_shifts = nn.Parameter(torch.randn(NUMBERS, d, BINS) * 0.01)
@@ -86,9 +108,9 @@ class BasePolicy(Policy):
         """Cross-entropies (nats) of the step after the prefix that `cur_points` shows; `ends` and `numbers` are sums over a primitive's."""
         tokens, part = batch.following
         adds = adds_primitive(tokens).float()
-        view = self._view(batch.gt_points, batch.cur_points, batch.written)
-        draft = Draft(tokens, part.positive[:, 0].long(), encode(part, view.low, view.edges, self.config.rotation).as_drawn(), [])
-        log_p, shift, logits = self._log_p(view, draft)
+        view = self._view(batch.gt_points, batch.cur_points, *self._as_seen(batch))
+        choices = encode(part, view.low, view.edges, self.config.rotation).as_drawn()
+        log_p, shift, logits = self._log_p(view, Draft(tokens, batch.at, encode_signs(part), choices, []))
         count = adds.sum().clamp_min(1)
         parts = {name: -(value * adds).sum() / count for name, value in log_p.items() if name != "token"}
         parts["token"], parts["shift"] = -log_p["token"].mean(), (shift * adds).sum() / count
@@ -96,21 +118,36 @@ class BasePolicy(Policy):
         accuracy = (logits.argmax(-1) == tokens).float().mean()
         return {"loss": torch.as_tensor(loss), **parts, "token_accuracy": accuracy}
 
+    def _as_seen(self, batch: TrainingSamples) -> tuple[Solids, Tensor | None]:
+        """What a policy is shown of the prefixes: those hidden by how far the target's points are outside of them alone."""
+        if not batch.hidden.any():
+            return batch.written, None
+        with torch.no_grad():
+            outside = fold_levels(batch.written, batch.gt_points)
+        kinds = torch.where(batch.hidden[:, None], ABSENT, batch.written.kinds)
+        return replace(batch.written, kinds=kinds), outside
+
     def propose(self, seen: Sight, generator: torch.Generator | None = None, ways: int = 1) -> Move:
         view, lengths = self._view(*seen[:3], seen.outside).repeat(ways), seen.written.lengths.repeat_interleave(ways)
         b, device = len(lengths), lengths.device
         zeros = torch.zeros(b, SLOTS, dtype=torch.long, device=device)
-        choices = Choices(zeros[:, 0], zeros[:, :ENDS].clone(), zeros[:, :NUMBERS].clone(), torch.zeros(b, ENDS + NUMBERS, device=device))
-        draft = Draft(zeros[:, 0], zeros[:, 0], choices, [])
+        offsets = torch.zeros(b, ENDS + NUMBERS, device=device)
+        choices = Choices(zeros[:, 0], zeros[:, 0], zeros[:, :ENDS].clone(), zeros[:, :NUMBERS].clone(), offsets)
+        draft = Draft(zeros[:, 0], zeros[:, 0], zeros[:, 0], choices, [])
         token, undo = self.to_token(self._encode_slots(view, draft, 1)[:, 0]), seen.may_undo.repeat_interleave(ways)
         draft.tokens, log_p = choose_tokens(token, lengths, self.max_seq_len - 1, generator, undo, seen.must_add)
         adds = adds_primitive(draft.tokens).float()
-        first = torch.tensor([-torch.inf, 0.0], device=device)
-        sign = torch.where((lengths == 0)[:, None], first, self.to_sign(self._encode_slots(view, draft, 2)[:, 1]))
+        at, log_at = draw_index(self._place_scores(view, self._encode_slots(view, draft, 2)[:, 1], undo), generator)
+        draft.at = at - 1
+        first = torch.tensor([-torch.inf, 0.0, -torch.inf], device=device)
+        opens = ((lengths == 0) | (draft.at == 0))[:, None]
+        sign = torch.where(opens, first, self.to_sign(self._encode_slots(view, draft, 3)[:, 2]))
         draft.sign, log_sign = draw_index(sign, generator)
-        turn, log_turn = draw_index(self.to_turn(self._encode_slots(view, draft, 3)[:, 2]), generator)
-        draft.choices = Choices(turn, choices.places, choices.bins, choices.offsets)
-        log_p = log_p + (log_sign + log_turn) * adds
+        turn, log_turn = draw_index(self.to_turn(self._encode_slots(view, draft, 4)[:, 3]), generator)
+        draft.choices = replace(choices, turn=turn)
+        form, log_form = draw_index(self._form_scores(draft.tokens, self._encode_slots(view, draft, 5)[:, 4]), generator)
+        draft.choices = replace(draft.choices, form=form)
+        log_p = log_p + (log_at + log_sign + log_turn + log_form) * adds
         for end in range(ENDS):
             log_p = log_p + self._draw_end(view, draft, end, generator) * adds
         used = draft.choices.mask_used_bins(draft.tokens, self.config.rotation) & (adds > 0)[:, None]
@@ -118,8 +155,9 @@ class BasePolicy(Policy):
         if len(free):
             log_p = log_p.index_add(0, free, self._draw_numbers(view, draft, free, generator))
         kinds = torch.where(adds > 0, draft.tokens, BOX)
-        part = decode(kinds, draft.sign.bool(), draft.choices, view.low, view.edges, self.config.rotation)
-        return Move(draft.tokens, canonical_primitives(part) if self.config.canonical else part, log_p, draft.draws())
+        part = decode(kinds, draft.sign, draft.choices, view.low, view.edges, self.config.rotation)
+        at = torch.where(adds > 0, draft.at, APPEND)
+        return Move(draft.tokens, canonical_primitives(part) if self.config.canonical else part, log_p, at, draft.draws())
 
     def log_prob(self, seen: Sight, move: Move) -> Tensor:
         """Of a move that `propose` drew: several draws make one primitive, so it is asked for the draws."""
@@ -130,8 +168,22 @@ class BasePolicy(Policy):
         lengths, may_undo = (rows.repeat_interleave(ways) for rows in (seen.written.lengths, seen.may_undo))
         token = token_log_p(logits, move.tokens, lengths, self.max_seq_len - 1, may_undo)
         # the first primitive is positive without a choice
-        primitive = log_p["sign"] * (lengths > 0) + log_p["turn"] + log_p["ends"] + log_p["numbers"]
+        chosen = (lengths > 0) & (move.at != 0)
+        primitive = log_p["at"] + log_p["sign"] * chosen + log_p["turn"] + log_p["form"] + log_p["ends"] + log_p["numbers"]
         return token + primitive * adds_primitive(move.tokens)
+
+    def _place_scores(self, view: StateView, hidden: Tensor, may_replace: Tensor | None = None) -> Tensor:
+        """Logits [b, 1 + t] of taking nothing's place, and that of each primitive of the program, for `hidden` [b, d]."""
+        behind = (hidden @ self.behind)[:, None]
+        scores = (view.past @ self.to_place(hidden)[..., None])[..., 0] * hidden.shape[-1] ** -0.5
+        there = view.there[:, 0, 0, -view.past.shape[1] :]
+        allowed = there if may_replace is None else there & may_replace[:, None]
+        return torch.cat([behind, scores.masked_fill(~allowed, -torch.inf)], 1)
+
+    def _form_scores(self, tokens: Tensor, hidden: Tensor) -> Tensor:
+        """Logits [b, FORMS]; what is not drawn from an outline has none, what is has one."""
+        first = torch.arange(FORMS, device=tokens.device) == 0
+        return self.to_form(hidden).masked_fill(first == (tokens >= EXTRUDE)[:, None], -torch.inf)
 
     def _draw_end(self, view: StateView, draft: Draft, end: int, generator: torch.Generator | None) -> Tensor:
         """Choose one end in place; its log p [b]."""
@@ -182,10 +234,19 @@ class BasePolicy(Policy):
             ends = numbers = torch.zeros_like(shift)
         else:
             ends, numbers, shift = self._choice_losses(view, draft, hidden, used)
-        logits = [head(hidden[:, i]) for i, head in enumerate((self.to_token, self.to_sign, self.to_turn))]
-        chosen = (draft.tokens, draft.sign, choices.turn)
-        token, sign, turn = (scores.log_softmax(-1)[rows, value] for scores, value in zip(logits, chosen, strict=True))
-        return {"token": token, "sign": sign, "turn": turn, "ends": ends, "numbers": numbers}, shift, logits[0]
+        names = ("token", "at", "sign", "turn", "form")
+        adds = adds_primitive(draft.tokens)
+        logits = [
+            self.to_token(hidden[:, 0]),
+            self._place_scores(view, hidden[:, 1]),
+            self.to_sign(hidden[:, 2]),
+            self.to_turn(hidden[:, 3]),
+            self._form_scores(draft.tokens, hidden[:, 4]),
+        ]
+        # a step that adds nothing has no place and no form to choose
+        chosen = (draft.tokens, torch.where(adds, draft.at + 1, 0), draft.sign, choices.turn, torch.where(adds, choices.form, 0))
+        each = (scores.log_softmax(-1)[rows, value] for scores, value in zip(logits, chosen, strict=True))
+        return {**dict(zip(names, each, strict=True)), "ends": ends, "numbers": numbers}, shift, logits[0]
 
     def _choice_losses(self, view: StateView, draft: Draft, hidden: Tensor, used: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Log p [b] of the ends and of the `used` numbers, and the squared errors [b] of their offsets."""
@@ -207,10 +268,10 @@ class BasePolicy(Policy):
             cur_points, written = torch.zeros_like(cur_points), replace(written, kinds=torch.full_like(written.kinds, ABSENT))
         seen, shown = gt_points[:, : self.config.gt_points], cur_points[:, : self.config.cur_points]
         clouds = look(seen, shown, written, low, edges, None if outside is None else outside[:, : seen.shape[1]])
-        sign = torch.where(written.positive, 1.0, -1.0)[..., None]
-        kinds = F.one_hot(written.kinds.clamp_min(0), VOCAB)
+        signs = F.one_hot(torch.where(written.common, COMMON, written.positive.long()), SIGNS)
+        kinds, forms = F.one_hot(written.kinds.clamp_min(0), VOCAB), F.one_hot(written.forms, FORMS)
         numbers = numbers_of(written, low, edges, self.config.rotation)
-        past = self.history(torch.cat([numbers, kinds, sign], -1)) + self.order[: written.kinds.shape[1]]
+        past = self.history(torch.cat([numbers, kinds, signs, forms], -1)) + self.order[: written.kinds.shape[1]]
         slabs = self.slabs(clouds, edges)
         there = torch.cat([torch.ones_like(slabs[..., 0], dtype=torch.bool), written.present], 1)[:, None, None]
         memory = torch.cat([slabs, past], 1)
@@ -220,7 +281,7 @@ class BasePolicy(Policy):
         reads = tuple(layer.read(memory) for layer in self.decoder if isinstance(layer, Layer))
         # one vector has no places
         tokens = memory[:, : 3 * (STEPS + 1)] if self.config.local else torch.zeros_like(memory[:, :1]).expand(-1, 3 * (STEPS + 1), -1)
-        return StateView(low, edges, clouds, reads, there, tokens.split(STEPS + 1, 1))
+        return StateView(low, edges, clouds, reads, there, tokens.split(STEPS + 1, 1), memory[:, slabs.shape[1] :])
 
     def _profile(self, view: StateView, draft: Draft, axis: int) -> Tensor:
         """The profile along `axis` of the points within the ends chosen along the axes before it."""
@@ -244,8 +305,11 @@ class BasePolicy(Policy):
         """Hidden states [b, count, d] of the first `count` slots, each seeing those before it; later choices are not looked at."""
         choices = draft.choices
         number = choices.bins + BINS * torch.arange(NUMBERS, device=choices.bins.device)
-        before = [torch.zeros_like(view.slabs[0][:, :1]), self.token_embed(draft.tokens)[:, None], self.sign_embed(draft.sign)[:, None]]
-        before += [self.turn_embed(choices.turn)[:, None], self.place_embed(choices.places), self.bin_embed(number)[:, :-1]]
+        chosen = view.past.gather(1, draft.at.clamp_min(0)[:, None, None].expand(-1, 1, view.past.shape[2]))
+        taken = self.from_place(chosen) * (draft.at != APPEND)[:, None, None]
+        heads = (self.sign_embed(draft.sign), self.turn_embed(choices.turn), self.form_embed(choices.form))
+        before = [torch.zeros_like(view.slabs[0][:, :1]), self.token_embed(draft.tokens)[:, None], taken, *(h[:, None] for h in heads)]
+        before += [self.place_embed(choices.places), self.bin_embed(number)[:, :-1]]
         x = (torch.cat(before, 1) + self.slot)[:, :count]
         axes = range((min(ENDS, max(0, count - HEAD)) + 1) // 2)
         if axes and self.config.local:

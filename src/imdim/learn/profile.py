@@ -81,7 +81,8 @@ def fold_levels(written: Solids, points: Tensor) -> Tensor:
     level = torch.ones_like(points[..., 0])
     for t in range(each.shape[1]):
         added = torch.minimum(level, each[:, t])
-        level = torch.where(written.positive[:, t, None], added, torch.maximum(level, -each[:, t]))
+        cut = torch.where(written.common[:, t, None] & written.present[:, t, None], each[:, t], -each[:, t])
+        level = torch.where(written.positive[:, t, None], added, torch.maximum(level, cut))
     return level.clamp(-1, 1)
 
 

@@ -101,7 +101,7 @@ class _ReinforceRun:
                 raise ValueError(f"unknown {name} {getattr(config, name)!r}; known are {', '.join(known)}")
         self.optimiser = Optimiser(policy, config.ema, config.clip, PRECISIONS[config.precision])
         self.rewards = RewardConfig(config.group, config.price, config.iou_samples)
-        self.targets_of = replace(config.synthesis, prefixes=1, p_undo=0.0)
+        self.targets_of = replace(config.synthesis, prefixes=1, p_undo=0.0, p_replace=0.0, p_hidden=0.0)
         limits = {"max_primitives": config.synthesis.n_max, "undo_limit": config.undo_limit}
         self.decoding = DecodeConfig(cur_points=config.synthesis.cur_points, **limits)
         self.step, self.best = 0, -math.inf

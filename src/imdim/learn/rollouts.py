@@ -17,9 +17,9 @@ from torch import Tensor
 from imdim.data.solids import Solids, concatenate, empty, from_sequences
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import TrainingSamples, estimate_iou
-from imdim.learn.decode import DecodeConfig, DecodeStep, apply_move, steps
+from imdim.learn.decode import DecodeConfig, DecodeStep, apply_move, steps, takes_back
 from imdim.learn.policy import Move, Policy, Sight
-from imdim.program.state import END, UNDO_LAST
+from imdim.program.state import END
 
 ALIKE = 0.03  # standard deviations of rewards below this are counted as this: sampled IoUs of equal solids differ by a third of it
 Facts = dict[str, float]
@@ -99,7 +99,7 @@ def branches(
         chosen = torch.randint(group, (len(rows),), generator=chance, device=rows.device) + group * each[::group]
         solids = Solids(*(getattr(solids, f.name).index_copy(0, rows, getattr(after, f.name)[chosen]) for f in fields(Solids)))
         iou[rows], token = worth[chosen], move.tokens[chosen]
-        undone[rows] += token == int(UNDO_LAST)
+        undone[rows] += takes_back(move.of(chosen))
         rows = rows[token != int(END)]
     reward = torch.cat(rewards)
     made = _join(seen, most)
@@ -142,6 +142,7 @@ def _join(parts: list[Written], width: int) -> Written:
         torch.cat([p.move.tokens for p in parts]),
         concatenate([p.move.part for p in parts], 1),
         torch.cat([p.move.log_p for p in parts]),
+        torch.cat([p.move.at for p in parts]),
         torch.cat(draws) if draws else None,
     )
     clouds, current, written, may_undo = zip(*(p.seen[:4] for p in parts), strict=True)

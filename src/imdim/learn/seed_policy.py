@@ -15,12 +15,13 @@ from torch.nn import functional as F
 
 from imdim.data.canonical import canonical_primitives
 from imdim.data.solids import BOX, SPHERE, Solids, adds_primitive, from_sequences
-from imdim.data.synthesize import TrainingSamples
+from imdim.data.synthesize import APPEND, TrainingSamples
 from imdim.geometry.points import compute_error_embedding
 from imdim.learn.pointnet import PointNet
-from imdim.learn.policy import VOCAB, Move, Policy, Sight, choose_tokens, mask_supervised, token_log_p
-from imdim.program.state import PARAM_COUNT
+from imdim.learn.policy import Move, Policy, Sight, choose_tokens, mask_supervised, token_log_p
+from imdim.program.state import PARAM_COUNT, Token
 
+VOCAB = len(Token)  # outlines are beyond the first design
 ERROR_POINTS = 512  # the Chamfer distance of the error embedding needs no more
 
 
@@ -112,7 +113,9 @@ class SeedPolicy(Policy):
         self.parts, self.components = nn.ModuleDict(vars(built)), built
 
     def losses(self, batch: TrainingSamples) -> dict[str, Tensor]:
-        """Means over steps that are neither padding nor taken back; `loss` is their weighted sum."""
+        """Means over steps that are neither padding nor taken back; `loss` is their weighted sum. ValueError for an outline."""
+        if (batch.gt_tokens >= VOCAB).any():
+            raise ValueError("the first design writes boxes, balls and cylinders, cones and tori; a sample has an outline")
         params, _, logits = forward_params_only(self.components, batch.gt_points, batch.cur_points, batch.gt_tokens)
         return seed_losses(params, logits, batch.gt_tokens, batch.gt_params, self.config.sign_weight)
 
@@ -128,7 +131,7 @@ class SeedPolicy(Policy):
         # the first design knows balls alone, whatever it writes into the other two numbers
         balls = (part.kinds == SPHERE)[..., None] & (torch.arange(3, device=token.device) > 0)
         part = replace(part, positive=part.positive | (lengths == 0)[:, None], sizes=part.sizes.clamp_min(1e-3).masked_fill(balls, 0.0))
-        return Move(token, canonical_primitives(part), log_p)
+        return Move(token, canonical_primitives(part), log_p, torch.full_like(token, APPEND))
 
     def log_prob(self, seen: Sight, move: Move) -> Tensor:
         """Of the token alone: signs and numbers are regressed, not drawn."""

@@ -51,7 +51,7 @@ class Validation:
             assert isinstance(first, TrainingSamples)
             return first
         generator = chunk_generator(0, TARGET_STREAM, 0, config.device)
-        return synthesize(config.n_measure, replace(config.synthesis, prefixes=1, p_undo=0.0), generator)
+        return synthesize(config.n_measure, replace(config.synthesis, prefixes=1, p_undo=0.0, p_replace=0.0, p_hidden=0.0), generator)
 
     @cached_property
     def shapes(self) -> Occupied:

@@ -373,7 +373,9 @@ class _NoisyCloud:
         for seed in range(MOST_ASKED):
             if deadline.left() < ASK_S:
                 break
-            parts = distinct(next_parts(policy, self.points, best.program, seed), self._cloud)
+            offered = next_parts(policy, self.points, best.program, seed)
+            single = distinct([p for p in offered if isinstance(p, Primitive)], self._cloud)
+            parts = [*single, *dict.fromkeys(p for p in offered if not isinstance(p, Primitive))]
             found = [found for found, _ in self._shorten(best, parts, deadline)]
             if not found:
                 break

@@ -23,7 +23,7 @@ from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.cost import count
 from imdim.program.sequence import SignedSequence, of_primitives, to_program, to_sequence
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import Combine, Primitive, Program, leaves
 from imdim.reconstruction.config import LEARNING, NONE, SHIPPED, ConfigError, first_line, lacking, require_extra
 from imdim.reconstruction.poses import POINTS, Poses
 from imdim.search.mdl.primitive_selection import Cloud, PoolConfig
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 PolicyOf = Callable[[], "Policy | None"]  # loads a policy when it is first asked for
 ASKED, SHOWN = 64, 256  # draws of a policy, and points of a program's surface that it sees
+HELD = 2  # parts of a program that are offered in common with what a policy would intersect it with
 PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 MEASURED = 4096  # points each way of a misfit
 FINE = ProposalConfig(seen=1536, most=8192)  # dense clouds show walls thinner than a policy's cloud can
@@ -86,10 +87,11 @@ def beam_programs(policy: Policy, points: np.ndarray, seed: int = 0) -> list[Pro
     return [to_program(s) for s in decode_sequences(policy, points, main_axes(subsample(points, POINTS)), seed)]
 
 
-def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int = 0) -> list[Primitive]:
-    """Primitives that a policy would add to `program`, or cut from it, for the surface `points` [n, 3]: ASKED draws without their signs.
+def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int = 0) -> list[Program]:
+    """Parts that a policy would add to `program`, cut from it or put in the place of one of its own, for the surface `points` [n, 3]: ASKED
+    draws without their signs. Of what it would intersect the program with, each is offered together with one of the program's first parts.
 
-    A program of more primitives than sequences hold, or of outlines, is seen by its surface alone.
+    A program of more primitives than sequences hold, of outlines or of intersections, is seen by its solid alone.
     """
     import torch
 
@@ -113,10 +115,18 @@ def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int =
         written = empty(1, 1)
         level = kernels.program_sdf(program, cloud) * poses.scale[0]
         outside = torch.as_tensor(np.clip(level, -1.0, 1.0), dtype=torch.float32)[None]
-    seen = Sight(poses.local(cloud[None]), shown, written, torch.zeros(1, dtype=torch.bool), outside, must_add=True)
+    seen = Sight(poses.local(cloud[None]), shown, written, torch.ones(1, dtype=torch.bool), outside, must_add=True)
     move = policy.propose(seen, torch.Generator().manual_seed(2 * seed + 1), ASKED)
-    added = poses.back(replace(move.part, positive=torch.ones_like(move.part.positive)))
-    return [step.term for signed in to_signed(added) for step in signed]
+    common = move.part.common[:, 0].tolist()
+    added = replace(move.part, positive=torch.ones_like(move.part.positive), common=torch.zeros_like(move.part.common))
+    parts = [signed[0].term for signed in to_signed(poses.back(added))]
+    own = [step.term for step in to_sequence(program) if step.positive and isinstance(step.term, Primitive)][:HELD]
+    return [p for part, is_common in zip(parts, common, strict=True) for p in (_held_by(part, own) if is_common else [part])]
+
+
+def _held_by(part: Primitive, own: Sequence[Primitive]) -> list[Program]:
+    """What each of a program's `own` parts has in common with one that the program is to be intersected with."""
+    return [Combine("intersection", other, part) for other in own]
 
 
 def proposals(
@@ -138,7 +148,8 @@ def proposals(
     points = points[inliers(points)]
     axes = main_axes(subsample(points, POINTS))
     given = [s for p in starts if (s := of_primitives(to_sequence(p))) is not None]
-    beam = decode_sequences(policy, points, axes, seed) if policy is not None else []
+    written = decode_sequences(policy, points, axes, seed) if policy is not None else []
+    beam = [s for s in written if all(step.op != "intersection" for step in s)]
     return settle([*given, *beam], points, sigma, axes, config or FINE, deadline)
 
 

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from imdim.data.augment import augment
 from imdim.data.dice import Dice
-from imdim.data.solids import Solids, inside, levels
+from imdim.data.solids import Solids, holds, inside
 from imdim.data.synthesize import SynthesisConfig, draw_programs
 from imdim.learn.stump.settings import StumpConfig
 
@@ -31,7 +31,7 @@ def draw_samples(n: int, synthesis: SynthesisConfig, config: StumpConfig, genera
 def label_solids(solids: Solids, exact: Tensor, synthesis: SynthesisConfig, config: StumpConfig, generator: torch.Generator) -> Occupied:
     """Samples of known `solids` and their clouds [b, n, 3]."""
     points = test_points(exact, config, generator)
-    held = inside(solids, levels(solids, points) < 0)
+    held = inside(solids, holds(solids, points))
     return Occupied(augment(exact, synthesis.augment, generator)[:, : config.cloud], points, held.float())
 
 
