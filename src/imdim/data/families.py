@@ -532,3 +532,5 @@ FAMILIES: Mapping[str, Callable[[Dice], Solids]] = {
     "ring": draw_rings,
     "common": draw_common,
 }
+# those that a `ShapeState` can say: united and cut primitives of the six kinds
+PLAIN = tuple(name for name in FAMILIES if name not in ("profile", "ring", "common"))

@@ -11,12 +11,14 @@ from enum import IntEnum
 import torch
 from torch import Tensor
 
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline
 
 MOST_CORNERS = 8
 QUARTERS = 4
 SHARES = 3
 SHARP = 1e-6  # of half a side: a corner less round is none
+NEAR = 0.02  # of half of its box, by which the corners of an outline may be off those of a form
 
 
 class Family(IntEnum):
@@ -218,3 +220,71 @@ def _filled(points: list[tuple[Tensor, Tensor]]) -> list[tuple[Tensor, Tensor]]:
 
 def _table(values: list, like: Tensor) -> Tensor:
     return torch.tensor(values, device=like.device)
+
+
+def from_outline(outline: Outline) -> tuple[int, tuple[float, float, float], tuple[float, float], tuple[float, float]] | None:
+    """Form, shares, half edges of the box and its middle of a simple outline; None of any other. The share that only what is turned has
+    is not told."""
+    (x0, y0), (x1, y1) = outline.bounds
+    half, middle = ((x1 - x0) / 2, (y1 - y0) / 2), ((x0 + x1) / 2, (y0 + y1) / 2)
+    if len(outline.loops) != 1 or isinstance(outline.loops[0], Ellipse) or min(half) <= 0:
+        return None
+    ring = [(x - middle[0], y - middle[1], b) for x, y, b in outline.loops[0]]
+    found = _as_rounded(ring, half) if any(b for _, _, b in ring) else _as_bars(ring, half)
+    if found is not None:
+        return (*found, half, middle)
+    at = _as_polygon(outline)
+    return None if at is None else (at[0], (0.0, 0.0, 0.0), (at[1], at[1]), at[2])
+
+
+def _as_rounded(ring: list[tuple[float, float, float]], half: tuple[float, float]) -> tuple[int, tuple[float, float, float]] | None:
+    """A rectangle whose corners are all as round, from the ends of its quarter arcs, or of the half ones of a slot."""
+    form = int(form_of(torch.tensor(int(Family.ROUNDED)), torch.tensor(0)))
+    ends = zip(ring, [*ring[1:], ring[0]], strict=True)
+    arcs = [math.hypot(x - u, y - v) / (2 * math.sin(2 * math.atan(abs(b)))) for (x, y, b), (u, v, _) in ends if b]
+    r = sum(arcs) / len(arcs)
+    share = min(r / min(half), 1.0)
+    return (form, (share, 0.0, 0.0)) if _is_near(ring, form, (share, 0.0, 0.0), half) else None
+
+
+def _as_bars(ring: list[tuple[float, float, float]], half: tuple[float, float]) -> tuple[int, tuple[float, float, float]] | None:
+    """An L, T or U, by where its inner corners are."""
+    inner = [(x, y) for x, y, _ in ring if abs(x) < half[0] * (1 - NEAR) and abs(y) < half[1] * (1 - NEAR)]
+    for family in (Family.ELL, Family.TEE, Family.CHANNEL):
+        for quarter in range(QUARTERS):
+            w, h = half if quarter % 2 == 0 else half[::-1]
+            back = [_quarter_turn(p, -quarter) for p in inner]
+            if len(back) != (1 if family == Family.ELL else 2):
+                continue
+            x, y = max(abs(p[0]) for p in back), back[0][1]
+            first = (back[0][0] + w) / (2 * w) if family == Family.ELL else x / w if family == Family.TEE else (w - x) / (2 * w)
+            shares = first, (y + h) / (2 * h), 0.0
+            form = int(form_of(torch.tensor(int(family)), torch.tensor(quarter)))
+            if _is_near(ring, form, shares, half):
+                return form, shares
+    return None
+
+
+def _as_polygon(outline: Outline) -> tuple[int, float, tuple[float, float]] | None:
+    """A regular polygon that stands as a form does: its form, the radius of its corners and its middle."""
+    ring = [(x, y) for x, y, b in outline.rings[0] if not b]
+    if len(ring) != len(outline.rings[0]) or len(ring) not in SIDES.values():
+        return None
+    family = next(f for f, n in SIDES.items() if n == len(ring))
+    middle = sum(x for x, _ in ring) / len(ring), sum(y for _, y in ring) / len(ring)
+    moved = [(x - middle[0], y - middle[1], 0.0) for x, y in ring]
+    radius = sum(math.hypot(x, y) for x, y, _ in moved) / len(ring)
+    forms = (int(form_of(torch.tensor(int(family)), torch.tensor(quarter))) for quarter in range(TURNS_OF.get(family, QUARTERS)))
+    return next(((form, radius, middle) for form in forms if _is_near(moved, form, (0.0, 0.0, 0.0), (radius, radius))), None)
+
+
+def _is_near(ring: list[tuple[float, float, float]], form: int, shares: tuple[float, float, float], half: tuple[float, float]) -> bool:
+    """Whether the corners of a ring about the origin are those of a form, within NEAR of its box."""
+    made = to_outline(form, shares, half).rings[0]
+    reach = NEAR * max(half)
+    return len(made) == len(ring) and all(min(math.dist(v[:2], w[:2]) for w in made) < reach for v in ring)
+
+
+def _quarter_turn(point: tuple[float, float], quarter: int) -> tuple[float, float]:
+    x, y = point
+    return ((x, y), (-y, x), (-x, -y), (y, -x))[quarter % QUARTERS]

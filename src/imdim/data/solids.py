@@ -6,16 +6,20 @@ intersection holds is all that is outside of its primitive, and it is not positi
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import dropwhile
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from imdim.data.outlines import NO_FORM, SHARES, outline_levels, to_outline
+from imdim.data.outlines import NO_FORM, SHARES, from_outline, outline_levels, to_outline
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sdf import rotation_matrices
+from imdim.program.plain_outlines import to_simple
 from imdim.program.sequence import SignedSequence, Step
 from imdim.program.state import (
     ADD_BOX,
@@ -225,17 +229,38 @@ def to_drawn(solids: Solids, row: int, column: int) -> Primitive:
 
 
 def from_signed(sequences: Sequence[SignedSequence[Primitive]]) -> Solids:
-    """Sequences of primitives as rows, in double precision; ValueError for an outline."""
-    # a state knows no intersections: what they cut is told aside
-    cuts = [tuple(Step("difference" if op == "intersection" else op, part) for op, part in sequence) for sequence in sequences]
-    states = [ShapeState.from_sequence(sequence) for sequence in cuts]
+    """Sequences of primitives as rows, in double precision; ValueError for an outline that is none of the simple ones."""
     tokens = torch.full((len(sequences), max(map(len, sequences)) + 1), PAD)
     params = torch.zeros(*tokens.shape, WIDE_COUNT, dtype=torch.float64)
-    for row, (state, sequence) in enumerate(zip(states, sequences, strict=True)):
-        for step, (token, vector) in enumerate(state.actions()):
-            tokens[row, step], params[row, step, :PARAM_COUNT] = int(token), torch.tensor(vector, dtype=torch.float64)
-            params[row, step, -1] = float(step < len(sequence) and sequence[step].op == "intersection")
+    for row, sequence in enumerate(sequences):
+        for step, (op, part) in enumerate(sequence):
+            simple = to_simple(part)
+            token, vector = _drawn_row(part) if simple is None else _plain_row(simple)
+            tokens[row, step], params[row, step, : len(vector)] = token, torch.tensor(vector, dtype=torch.float64)
+            params[row, step, SIGN], params[row, step, -1] = 1.0 if op == "union" else -1.0, float(op == "intersection")
     return from_sequences(tokens, params)
+
+
+def _plain_row(part: Primitive) -> tuple[int, Sequence[float]]:
+    """Token and ten numbers of one of the six kinds."""
+    ((token, vector),) = itertools.islice(ShapeState.from_sequence((Step("union", part),)).actions(), 1)
+    return int(token), vector
+
+
+def _drawn_row(part: Primitive) -> tuple[int, Sequence[float]]:
+    """Token and numbers of an extruded or turned outline, without the last; ValueError for one that is no simple form."""
+    found = None if part.outline is None else from_outline(part.outline)
+    whole = part.kind == "extrude" or (part.kind == "revolve" and part.size[0] == FULL_TURN)
+    if found is None or not whole:
+        raise ValueError(f"{part.kind}: not one of the simple outlines that sequences know")
+    form, shares, half, (x, y) = found
+    turned = part.kind == "revolve"
+    shift = np.array([0.0, 0.0, y] if turned else [x, y, 0.0])
+    center = np.array(part.center) + matrix_from_euler(part.rotation) @ shift
+    radius = x + half[0]
+    size = (radius, 2 * half[1], 0.0) if turned else (2 * half[0], 2 * half[1], part.size[0])
+    inner = max(x - half[0], 0.0) / radius if turned else 0.0
+    return (REVOLVE if turned else EXTRUDE), (*center, *size, *part.rotation, 1.0, float(form), *shares[:2], inner)
 
 
 def levels(solids: Solids, points: Tensor) -> Tensor:

@@ -23,13 +23,14 @@ from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.cost import count
 from imdim.program.sequence import SignedSequence, of_primitives, to_program, to_sequence
-from imdim.program.tree import Combine, Primitive, Program, leaves
+from imdim.program.tree import Combine, Primitive, Program
 from imdim.reconstruction.config import LEARNING, NONE, SHIPPED, ConfigError, first_line, lacking, require_extra
 from imdim.reconstruction.poses import POINTS, Poses
 from imdim.search.mdl.primitive_selection import Cloud, PoolConfig
 from imdim.search.mdl.repair import Proposal, ProposalConfig, settle
 
 if TYPE_CHECKING:
+    from imdim.data.solids import Solids
     from imdim.learn.decode import DecodeConfig
     from imdim.learn.policy import Policy
 
@@ -96,7 +97,7 @@ def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int =
     import torch
 
     from imdim.data.canonical import canonical_primitives
-    from imdim.data.solids import empty, from_signed, to_signed
+    from imdim.data.solids import empty, to_signed
     from imdim.learn.policy import Sight
 
     points = points[inliers(points)]
@@ -108,9 +109,9 @@ def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int =
         return []
     shown = poses.local(trimesh.sample.sample_surface(surface, SHOWN, seed=seed)[0][None])
     sequence = of_primitives(to_sequence(program))
-    drawn = any(leaf.outline is not None for leaf in leaves(program))
-    if sequence is not None and not drawn and sequence[0].positive and len(sequence) < policy.max_seq_len - 1:
-        written, outside = canonical_primitives(poses.place(from_signed([sequence]))), None
+    rows = _rows_of(sequence) if sequence is not None and len(sequence) < policy.max_seq_len - 1 else None
+    if rows is not None:
+        written, outside = canonical_primitives(poses.place(rows)), None
     else:
         written = empty(1, 1)
         level = kernels.program_sdf(program, cloud) * poses.scale[0]
@@ -122,6 +123,16 @@ def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int =
     parts = [signed[0].term for signed in to_signed(poses.back(added))]
     own = [step.term for step in to_sequence(program) if step.positive and isinstance(step.term, Primitive)][:HELD]
     return [p for part, is_common in zip(parts, common, strict=True) for p in (_held_by(part, own) if is_common else [part])]
+
+
+def _rows_of(sequence: SignedSequence[Primitive]) -> Solids | None:
+    """The sequence as a row of a batch; None where it has an outline that is none of the simple ones."""
+    from imdim.data.solids import from_signed
+
+    try:
+        return from_signed([sequence])
+    except ValueError:
+        return None
 
 
 def _held_by(part: Primitive, own: Sequence[Primitive]) -> list[Program]:
