@@ -19,7 +19,11 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 NOISY = AugmentConfig(p_noise=0.5, noise=0.02, p_outliers=0.15, outliers=0.01, p_uneven=0.15, p_missing=0.05, missing=0.2, p_views=0.2)
 PLAIN = SynthesisConfig(families=[*FAMILIES])  # type: ignore[arg-type] (YAML has lists)
 SCANNED = replace(PLAIN, volume_samples=2048, free_rotation=0.08, tilt=0.3, augment=NOISY)
-PREFIXED = replace(SCANNED, gt_points=1024, cur_points=256, prefixes=6, p_undo=0.05, p_shaken=0.35, shake=0.008)
+PREFIXED = replace(
+    replace(SCANNED, gt_points=1024, cur_points=256, prefixes=6, p_undo=0.05, p_replace=0.12, p_hidden=0.12, p_shaken=0.35, shake=0.008),
+    families=[*FAMILIES, "profile", "ring", "common"],  # type: ignore[arg-type]
+    augment=replace(NOISY, p_outliers=0.2, outliers=0.1),
+)
 THREE_KINDS = ["plate", "bracket", "turned", "pattern", "shell", "free"]
 EXPERIMENTS = {
     "base": PREFIXED,

@@ -1,6 +1,7 @@
 """Files of samples: round trips, broken files by name and field, folders that are the same bytes however they were made."""
 
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ import torch
 from tests.data.folders import make_folder
 
 from imdim.data.augment import AugmentConfig, augment
+from imdim.data.families import PLAIN
 from imdim.data.folder import FolderConfig
 from imdim.data.npz import NPZCADDataset, SampleError, collate, read_sample, split_samples, write_sample
-from imdim.data.solids import PAD
+from imdim.data.solids import PAD, from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
 from imdim.program.state import END
 
@@ -29,17 +31,54 @@ def folder(tmp_path_factory):
 
 
 def test_a_sample_comes_back_as_it_was_drawn(tmp_path):
-    samples = synthesize(4, SMALL, torch.Generator().manual_seed(0))
+    samples = synthesize(4, replace(SMALL, families=PLAIN), torch.Generator().manual_seed(0))
     for row, sample in enumerate(split_samples(samples)):
         write_sample(tmp_path / "a.npz", sample)
         back = read_sample(tmp_path / "a.npz")
         length = len(back["gt_tokens"])
         assert back["gt_tokens"][-1] == END
         assert (back["gt_tokens"] == samples.gt_tokens[row, :length].numpy()).all()
-        assert (back["gt_params"] == samples.gt_params[row, :length].numpy()).all()
+        assert back["gt_params"].shape == (length, 10)
+        assert (back["gt_params"] == samples.gt_params[row, :length, :10].numpy()).all()
         assert (back["gt_points"] == samples.gt_points[row].numpy()).all()
         with np.load(tmp_path / "a.npz") as plain:
             assert sorted(plain.files) == ["cur_points", "gt_params", "gt_points", "gt_tokens"]
+
+
+def test_outlines_and_intersections_come_back_in_wider_rows(tmp_path):
+    """A file has fifteen numbers a step only where the program needs them; one batch holds both."""
+    samples = synthesize(24, replace(SMALL, families=("plate", "profile", "ring", "common"), n_max=4), torch.Generator().manual_seed(0))
+    for row, sample in enumerate(split_samples(samples)):
+        write_sample(tmp_path / f"{row:02}.npz", sample)
+        back = read_sample(tmp_path / f"{row:02}.npz")
+        length, numbers = len(back["gt_tokens"]), samples.gt_params[row]
+        assert back["gt_params"].shape == (length, 15 if numbers[:, 10:].any() else 10)
+        assert (back["gt_params"] == numbers[:length, : back["gt_params"].shape[1]].numpy()).all()
+        assert (back["gt_tokens"] == samples.gt_tokens[row, :length].numpy()).all()
+    data = NPZCADDataset(tmp_path)
+    assert {data[i]["gt_params"].shape[1] for i in range(24)} == {10, 15}
+    batch = collate([data[i] for i in range(24)])
+    assert torch.equal(batch["gt_params"], samples.gt_params[:, : batch["gt_params"].shape[1]])
+    one, other = (from_sequences(t, p) for t, p in ((batch["gt_tokens"], batch["gt_params"]), (samples.gt_tokens, samples.gt_params)))
+    assert torch.equal(one.forms, other.forms)
+    assert torch.equal(one.common, other.common)
+    assert one.drawn.any()
+    assert one.common.any()
+
+
+@pytest.mark.parametrize(
+    ("token", "columns", "message"),
+    [
+        (7, 10, "field gt_tokens holds ids 4 to 7, known are 0 to 6"),
+        (9, 15, "field gt_tokens holds ids 4 to 9, known are 0 to 8"),
+        (0, 14, r"field gt_params needs floats \[2, 10\], got float32 \[2, 14\]"),
+    ],
+)
+def test_an_outline_needs_its_form_in_the_file(folder, tmp_path, token, columns, message):
+    arrays = dict(np.load(folder / "train" / "sample_00000.npz"))
+    np.savez(tmp_path / "bad.npz", **{**arrays, "gt_tokens": np.array([token, 4]), "gt_params": np.zeros((2, columns), np.float32)})
+    with pytest.raises(SampleError, match="bad.npz: " + message):
+        read_sample(tmp_path / "bad.npz")
 
 
 def test_the_same_seed_writes_the_same_bytes_also_after_an_interruption(folder, tmp_path):

@@ -3,13 +3,14 @@
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
-from imdim.data.solids import from_sequences
-from imdim.data.synthesize import SynthesisConfig, synthesize
+from imdim.data.solids import EXTRUDE, REVOLVE, from_sequences
+from imdim.data.synthesize import APPEND, SynthesisConfig, synthesize
 from imdim.learn.checkpoint import save_net
 from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary
 from imdim.learn.policy import Move
@@ -53,8 +54,10 @@ def test_errors_are_those_that_were_planted():
     found = [(0, 0, 0, 0.2, 0.5, 0, 180, 0, 40), (0, 0, 0.2, 0.2, 0.6, 0, 30, 0, 0), (0, 0, 0, 0.3, 0.5, 0.7, 0, 0, 180)]
     parts = [one(t, n) for t, n in zip(tokens[:, 0], found, strict=True)]
     part = type(parts[0])(*(torch.cat([getattr(p, f) for p in parts]) for f in type(parts[0]).__dataclass_fields__))
-    errors = errors_by_kind(batch, Move(tokens[:, 0], part, torch.zeros(3)))
-    second = errors_by_kind(type(batch)(*(v[1:2] for v in batch)), Move(tokens[1:2, 0], part[1:2], torch.zeros(1)))["cylinder"]
+    errors = errors_by_kind(batch, Move(tokens[:, 0], part, torch.zeros(3), torch.full((3,), APPEND)))
+    second = errors_by_kind(
+        type(batch)(*(v[1:2] for v in batch)), Move(tokens[1:2, 0], part[1:2], torch.zeros(1), torch.full((1,), APPEND))
+    )["cylinder"]
     assert (errors["cylinder"].count, errors["box"].count, errors["sphere"].count) == (2, 1, 0)
     assert errors["box"].angle_deg == pytest.approx(0.0, abs=0.05)
     assert (second.center, second.size, second.angle_deg) == (pytest.approx(0.2), pytest.approx(0.1), pytest.approx(30.0, abs=0.05))
@@ -62,11 +65,32 @@ def test_errors_are_those_that_were_planted():
     assert math.isnan(errors["sphere"].center)
 
 
-def test_structure_is_kinds_and_signs():
+def test_errors_of_outlines_are_those_that_were_planted():
+    """A spin is an error of what is extruded and none of what is turned; a tilt is one of both."""
+    batch = synthesize(4, SynthesisConfig(gt_points=32, cur_points=16, n_max=1, volume_samples=256), torch.Generator().manual_seed(0))
+    tokens = torch.tensor([[EXTRUDE, END], [REVOLVE, END]] * 2)
+    params = torch.zeros(4, 2, 15)
+    params[:, 0, 3:6], params[:, 0, 9:13] = torch.tensor([0.3, 0.5, 0.4]), torch.tensor([1.0, 21.0, 0.2, 0.3])
+    batch = batch._replace(gt_tokens=tokens, gt_params=params, steps=torch.zeros(4, dtype=torch.long), at=torch.full((4,), APPEND))
+    found = params[:, :1].clone()
+    found[:2, 0, 8], found[2:, 0, 6] = 20.0, 30.0
+    move = Move(tokens[:, 0], from_sequences(tokens[:, :1], found), torch.zeros(4), torch.full((4,), APPEND))
+    for rows, spun in ((slice(0, 2), True), (slice(2, 4), False)):
+        some = torch.arange(4)[rows]
+        errors = errors_by_kind(type(batch)(*(v[rows] for v in batch)), move.of(some))
+        assert (errors["extrude"].count, errors["revolve"].count, errors["box"].count) == (1, 1, 0)
+        assert errors["extrude"].angle_deg == pytest.approx(20.0 if spun else 30.0, abs=0.05)
+        assert errors["revolve"].angle_deg == pytest.approx(0.0 if spun else 30.0, abs=0.05)
+
+
+def test_structure_is_kinds_signs_and_forms():
     a, b = one(ADD_BOX, (0, 0, 0, 1, 1, 1, 0, 0, 0)), one(ADD_BOX, (0, 0, 0.3, 0.2, 1, 1, 0, 0, 0))
     ball = one(ADD_SPHERE, (0, 0, 0, 1, 1, 1, 0, 0, 0))
     assert bool(exact_structure(a, b)[0])
     assert not bool(exact_structure(a, ball)[0])
+    ell, tee = (replace(a, kinds=torch.tensor([[EXTRUDE]]), forms=torch.tensor([[form]])) for form in (21, 25))
+    assert bool(exact_structure(ell, replace(ell, shares=ell.shares + 0.2))[0])
+    assert not bool(exact_structure(ell, tee)[0])
 
 
 def test_moves_in_a_mixed_batch_are_those_of_each_row_alone():

@@ -9,25 +9,25 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from imdim.data.canonical import canonical_primitives
-from imdim.data.families import FAMILIES
+from imdim.data.families import FAMILIES, PLAIN
 from imdim.data.solids import PAD, Solids, empty, from_sequences
 from imdim.data.surfaces import surface_clouds
-from imdim.data.synthesize import SynthesisConfig, estimate_iou, synthesize
+from imdim.data.synthesize import APPEND, SynthesisConfig, estimate_iou, synthesize
 from imdim.learn.beam import beam_search, costs_of
-from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, TAPER, Choices, decode, encode, ruler, to_bins
+from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, TAPER, Choices, decode, encode, encode_signs, ruler, to_bins
 from imdim.learn.decode import DecodeConfig, apply_move
 from imdim.learn.decode import decode as write
 from imdim.learn.draft import Draft
-from imdim.learn.policy import VOCAB, Move, Sight, draw_index, legal, mask_supervised
-from imdim.learn.policy_net import BaseConfig, BasePolicy
+from imdim.learn.policy import Move, Sight, draw_index, legal, mask_supervised
+from imdim.learn.policy_net import HEAD, SLOTS, BaseConfig, BasePolicy
 from imdim.learn.profile import fold_levels, histograms, look, voxel_moments, voxel_of
 from imdim.learn.rotations import ROTATION_CODES
-from imdim.learn.seed_policy import ModelComponents, SeedConfig, SeedPolicy, build_cad_model, forward_params_only, seed_losses
+from imdim.learn.seed_policy import VOCAB, ModelComponents, SeedConfig, SeedPolicy, build_cad_model, forward_params_only, seed_losses
 from imdim.program.state import ADD_BOX, ADD_SPHERE, END, UNDO_LAST, ShapeState
 
 SMALL = BaseConfig(d_model=32, encoder_layers=1, decoder_layers=1, heads=2, gt_points=128, cur_points=64, point_width=16)
 TINY = SeedConfig(d_model=32, layers=1, heads=2, hidden=32)
-DATA = SynthesisConfig(gt_points=128, cur_points=64, n_max=4, volume_samples=512)
+DATA = SynthesisConfig(gt_points=128, cur_points=64, n_max=4, volume_samples=512, families=PLAIN)
 
 
 def generator(seed: int = 0) -> torch.Generator:
@@ -126,8 +126,8 @@ def written(batch, rows=slice(None)):
 
 def blank(count):
     zeros = torch.zeros(count, ENDS, dtype=torch.long)
-    choices = Choices(zeros[:, 0], zeros, torch.zeros(count, NUMBERS, dtype=torch.long), torch.zeros(count, ENDS + NUMBERS))
-    return Draft(zeros[:, 0], zeros[:, 0], choices, [])
+    bins, offsets = torch.zeros(count, NUMBERS, dtype=torch.long), torch.zeros(count, ENDS + NUMBERS)
+    return Draft(zeros[:, 0], torch.full((count,), APPEND), zeros[:, 0], Choices(zeros[:, 0], zeros[:, 0], zeros, bins, offsets), [])
 
 
 def test_base_slots_see_only_the_slots_before(batch):
@@ -135,10 +135,11 @@ def test_base_slots_see_only_the_slots_before(batch):
     view = policy._view(batch.gt_points, batch.cur_points, written(batch))
     a, b = blank(8), blank(8)
     b.choices.places[:, 4:] = FIRST + 7  # z low and z high
-    before, after = policy._encode_slots(view, a, 18), policy._encode_slots(view, b, 18)
-    assert torch.allclose(before[:, :8], after[:, :8])  # token, sign, turn, x and y ends, z low: it does not see itself
-    assert not torch.allclose(before[:, 8], after[:, 8])
-    assert torch.allclose(policy._encode_slots(view, a, 5), before[:, :5], atol=1e-5)
+    before, after = policy._encode_slots(view, a, SLOTS), policy._encode_slots(view, b, SLOTS)
+    # the heads, x and y ends, z low: it does not see itself
+    assert torch.allclose(before[:, : HEAD + 5], after[:, : HEAD + 5])
+    assert not torch.allclose(before[:, HEAD + 5], after[:, HEAD + 5])
+    assert torch.allclose(policy._encode_slots(view, a, HEAD + 2), before[:, : HEAD + 2], atol=1e-5)
 
 
 def test_log_p_of_a_draw_is_that_of_teacher_forcing(batch):
@@ -154,8 +155,8 @@ def test_log_p_of_a_draw_is_that_of_teacher_forcing(batch):
     policy._draw_end = spy
     move = policy.propose(sight(batch), generator(3))
     view, draft = drafts[-1]
-    log_p, _, _ = policy._log_p(view, Draft(draft.tokens, draft.sign, draft.choices, []))
-    free_to_choose = (batch.steps > 0) & (move.tokens <= 2)  # else masks take part
+    log_p, _, _ = policy._log_p(view, Draft(draft.tokens, draft.at, draft.sign, draft.choices, []))
+    free_to_choose = (batch.steps > 0) & (move.tokens <= 2) & (draft.at != 0)  # else masks take part
     total = sum(log_p.values())
     assert free_to_choose.any()
     assert torch.allclose(total[free_to_choose], move.log_p[free_to_choose], atol=1e-3)
@@ -175,9 +176,9 @@ def test_choices_return_the_solid(family):
     parts = []
     for step in range(truth.kinds.shape[1]):
         one = truth.take(torch.full((24, 1), step))
-        parts.append(decode(one.kinds[:, 0].clamp_min(0), one.positive[:, 0], encode(one, low, edges), low, edges))
+        parts.append(decode(one.kinds[:, 0].clamp_min(0), encode_signs(one), encode(one, low, edges), low, edges))
     again = type(truth)(*(torch.cat([getattr(p, f) for p in parts], 1) for f in type(truth).__dataclass_fields__))
-    again = type(truth)(torch.where(truth.present, again.kinds, -1), again.positive, again.centers, again.sizes, again.rotations)
+    again = dataclasses.replace(again, kinds=torch.where(truth.present, again.kinds, -1))
     iou = estimate_iou(again, truth, 8000, generator())
     assert float(iou.median()) > 0.999
     assert float((iou > 0.97).float().mean()) > 0.9, iou
@@ -300,7 +301,7 @@ def test_rotation_codes_come_back(code):
     kinds = torch.arange(200) % 2 * 2  # boxes and cylinders
     zeros, sizes = torch.zeros(200, 1, 3), torch.tensor([0.2, 0.4, 0.3]).expand(200, 1, 3)
     turned = torch.tensor(matrices, dtype=torch.float32)[:, None]
-    part = canonical_primitives(Solids(kinds[:, None], torch.ones(200, 1, dtype=torch.bool), zeros, sizes, turned))
+    part = canonical_primitives(Solids.plain(kinds[:, None], torch.ones(200, 1, dtype=torch.bool), zeros, sizes, turned))
     low, edges = torch.full((200, 3), -0.5), torch.ones(200, 3)
     choices = encode(part, low, edges, code)
     used = choices.mask_used_bins(kinds, code)
@@ -326,9 +327,10 @@ def test_masks_are_those_of_the_state_machine():
         state = ShapeState()
         for _ in range(length):
             state.apply_action(ADD_BOX, (0, 0, 0, 1, 1, 1, 0, 0, 0, 1))
-        assert tuple(legal(torch.tensor([length]), 12)[0].tolist()) == state.action_mask(vocabulary=VOCAB)
-    assert legal(torch.tensor([1]), 12, torch.tensor([False]))[0].tolist() == [True, True, True, False, True, True, True]
-    assert legal(torch.tensor([12]), 12)[0].tolist() == [False, False, False, True, True, False, False]
+        assert tuple(legal(torch.tensor([length]), 12, vocab=VOCAB)[0].tolist()) == state.action_mask(vocabulary=VOCAB)
+        assert legal(torch.tensor([length]), 12)[0].tolist() == [*state.action_mask(vocabulary=VOCAB), True, True]  # outlines
+    assert legal(torch.tensor([1]), 12, torch.tensor([False]))[0].tolist() == [True, True, True, False, True, True, True, True, True]
+    assert legal(torch.tensor([12]), 12)[0].tolist() == [False, False, False, True, True, False, False, False, False]
 
 
 def test_draws_follow_their_distribution():
@@ -343,7 +345,8 @@ def test_draws_follow_their_distribution():
 def test_undo_and_end_move_the_batch_as_the_state_machine_does():
     solids = empty(3, 4)
     for tokens in ((0, 0, 0), (1, 3, 4), (3, 0, 4)):
-        move = Move(torch.tensor(tokens), from_sequences(torch.tensor(tokens).clamp_max(2)[:, None], torch.ones(3, 1, 10)), torch.zeros(3))
+        part = from_sequences(torch.tensor(tokens).clamp_max(2)[:, None], torch.ones(3, 1, 10))
+        move = Move(torch.tensor(tokens), part, torch.zeros(3), torch.full((3,), APPEND))
         solids = apply_move(solids, move)
     assert solids.lengths.tolist() == [1, 1, 1]
     assert solids.kinds[:, 0].tolist() == [0, 0, 0]
@@ -380,7 +383,7 @@ def test_costs_prefer_the_true_program(batch):
 
 def test_base_learns_a_few_programs_by_heart():
     """Plant two programs and demand them back from their clouds: greedy decoding after a short training on them alone."""
-    config = SynthesisConfig(gt_points=128, cur_points=64, n_min=1, n_max=2, free_rotation=0.0, prefixes=12)
+    config = SynthesisConfig(gt_points=128, cur_points=64, n_min=1, n_max=2, free_rotation=0.0, prefixes=12, families=PLAIN)
     policy = BasePolicy(SMALL, 4)
     optimizer = torch.optim.AdamW(policy.parameters(), 3e-3)
     data = synthesize(24, config, generator(0))

@@ -194,6 +194,7 @@ def test_the_command_writes_a_checkpoint_and_refuses_what_is_none(tmp_path, caps
         "synthesis.n_max=3",
         "synthesis.volume_samples=256",
         "synthesis.p_undo=0",
+        "synthesis.families=[plate,bracket,turned]",
     ]
     assert main([f"checkpoint={tmp_path / 'a.safetensors'}", f"out={tmp_path / 'run'}", *small], configs, said.append) == 0
     assert [s.split(":")[0] for s in said] == ["step 0", "step 1", "step 2"]

@@ -12,10 +12,11 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 from tests.data.folders import make_folder
 
+from imdim.data.families import PLAIN
 from imdim.data.folder import FolderConfig
 from imdim.data.npz import SampleError
 from imdim.data.solids import adds_primitive, from_sequences
-from imdim.data.synthesize import SynthesisConfig, synthesize
+from imdim.data.synthesize import APPEND, SynthesisConfig, synthesize
 from imdim.learn.batches import Batches
 from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, save_net, save_state
 from imdim.learn.distributed import Processes
@@ -30,7 +31,7 @@ from imdim.learn.validation import Validation
 
 BASE = BaseConfig(d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32)
 SEED = SeedConfig(d_model=16, layers=1, heads=2, hidden=16)
-DATA = SynthesisConfig(gt_points=64, cur_points=32, n_max=3, volume_samples=256, p_undo=0.2)
+DATA = SynthesisConfig(gt_points=64, cur_points=32, n_max=3, volume_samples=256, p_undo=0.2, families=PLAIN)
 
 
 def small(out, experiment="base", **changes) -> TrainConfig:
@@ -287,7 +288,7 @@ class Oracle(Policy):
         at = known, seen.written.lengths
         tokens = self.batch.gt_tokens[at].clamp_min(0)
         part = from_sequences(torch.where(adds_primitive(tokens), tokens, 0)[:, None], self.batch.gt_params[at][:, None])
-        return Move(tokens, part, torch.zeros(len(tokens)))
+        return Move(tokens, part, torch.zeros(len(tokens)), torch.full_like(tokens, APPEND))
 
 
 def test_a_loss_that_is_not_finite_stops_with_step_and_batch(tmp_path, monkeypatch):

@@ -3,26 +3,31 @@
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
-from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
+from tests.planted import PARTS, box, common, cut, cylinder, mesh_of, sphere, union
 
-from imdim.data.solids import BOX, CYLINDER, Solids
+from imdim.data.outlines import Family, family_of, form_of
+from imdim.data.solids import BOX, CYLINDER, EXTRUDE, SPHERE, Solids, from_sequences
+from imdim.data.synthesize import APPEND
 from imdim.deadline import NEVER
+from imdim.geometry import kernels
 from imdim.geometry.axes import main_axes
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.learn.checkpoint import save_net
 from imdim.learn.decode import DecodeConfig
 from imdim.learn.policy import Move, Policy
 from imdim.learn.policy_net import BaseConfig, BasePolicy
-from imdim.program.outline import rectangle
-from imdim.program.sequence import to_program
+from imdim.program.outline import Outline, rectangle
+from imdim.program.sequence import to_program, to_sequence
 from imdim.program.state import END
-from imdim.program.tree import Primitive
+from imdim.program.tree import Combine, Primitive
 from imdim.reconstruction import methods, pipeline
 from imdim.reconstruction.config import ConfigError, Settings
 from imdim.reconstruction.mdl import most_likely
@@ -59,8 +64,8 @@ class Script(Policy):
         turn[0] = torch.tensor([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
         turn[1] = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
         rotations = torch.where(first[:, None, None], torch.eye(3), turn[k])
-        part = Solids(tokens[:, None], first[:, None], ((low + high) / 2)[:, None], sizes[:, None], rotations[:, None])
-        return Move(tokens, part, torch.zeros(len(tokens)))
+        part = Solids.plain(tokens[:, None], first[:, None], ((low + high) / 2)[:, None], sizes[:, None], rotations[:, None])
+        return Move(tokens, part, torch.zeros(len(tokens)), torch.full_like(tokens, APPEND))
 
 
 def cloud(program, seed=0, n=3000):
@@ -73,18 +78,124 @@ def iou(found, truth):
 
 
 def test_a_policy_is_asked_for_more_in_the_pose_and_units_of_a_program():
-    """It sees a primitive as what it wrote before, and a drawn part as a surface alone, before which it begins anew."""
+    """It sees a primitive as what it wrote before, also one that is drawn as a rectangle, and any other outline by its solid alone, before
+    which it begins anew."""
     pose = (25.0, -40.0, 70.0)
     block = box(300, 200, 80, (1000.0, -50.0, 7.0), pose)
     truth = cut(block, cylinder(40, 200, (1000.0, -50.0, 7.0), pose))
-    drawn = Primitive("extrude", (80.0,), (1000.0, -50.0, 7.0), pose, rectangle(300.0, 200.0))
+    plain = Primitive("extrude", (80.0,), (1000.0, -50.0, 7.0), pose, rectangle(300.0, 200.0))
+    chamfered = Outline(((*rectangle(300.0, 200.0).rings[0][:3], (-140.0, 100.0, 0.0), (-150.0, 90.0, 0.0)),))
+    drawn = replace(plain, outline=chamfered)
     points = cloud(truth)
     bore = 0.1 * float(np.linalg.norm([300, 200, 80]))
     expected = cut(block, cylinder(bore, 200, (1000.0, -50.0, 7.0), pose))
-    after, anew = (next_parts(Script(bore=0.1), points, p) for p in (block, drawn))
-    assert len(after) == len(anew) == ASKED
-    assert all(p.kind == "cylinder" and iou(cut(block, p), expected) >= 0.98 for p in set(after))
-    assert all(p.kind == "box" and iou(p, block) >= 0.98 for p in set(anew))
+    after, also, anew = (next_parts(Script(bore=0.1), points, p) for p in (block, plain, drawn))
+    assert len(after) == len(also) == len(anew) == ASKED
+    assert all(isinstance(p, Primitive) and p.kind == "cylinder" and iou(cut(block, p), expected) >= 0.98 for p in {*after, *also})
+    assert all(isinstance(p, Primitive) and p.kind == "box" and iou(p, block) >= 0.98 for p in set(anew))
+
+
+class Told(Policy):
+    """Writes given steps (token, fifteen numbers in the frame of its cloud) one after another, whatever it sees, then ends; keeps what it
+    saw."""
+
+    max_seq_len = 6
+
+    def __init__(self, *steps) -> None:
+        super().__init__()
+        self.given, self.seen = steps, []
+
+    def losses(self, batch):
+        raise NotImplementedError
+
+    def log_prob(self, seen, move):
+        raise NotImplementedError
+
+    def propose(self, seen, generator=None, ways=1):
+        self.seen.append(seen)
+        lengths = seen.written.lengths.repeat_interleave(ways)
+        tokens = torch.tensor([*(token for token, _ in self.given), int(END)])[lengths.clamp_max(len(self.given))]
+        kinds = torch.where(tokens == int(END), BOX, tokens)
+        numbers = torch.tensor([*(n for _, n in self.given), self.given[0][1]])[lengths.clamp_max(len(self.given))]
+        part = from_sequences(kinds[:, None], numbers[:, None])
+        return Move(tokens, part, torch.zeros(len(tokens)), torch.full_like(tokens, APPEND))
+
+
+ELL = int(form_of(torch.tensor(int(Family.ELL)), torch.tensor(0)))
+DIAGONAL = float(np.linalg.norm([60, 40, 20]))
+# in the frame of a cloud of 60 by 40 by 20
+WALL = EXTRUDE, [0.0, 0, 0, 60 / DIAGONAL, 40 / DIAGONAL, 20 / DIAGONAL, 0, 0, 0, 1, ELL, 0.3, 0.25, 0, 0]
+BALL = SPHERE, [0.0, 0, 0, 25 / DIAGONAL, 0, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]
+BLOCK = BOX, [*WALL[1][:10], 0, 0, 0, 0, 0]
+
+
+def test_outlines_and_intersections_come_back_in_the_pose_and_units_of_the_cloud():
+    """An L, then what it has in common with a ball, against both written by hand."""
+    place, pose = (100.0, -5.0, 7.0), (25.0, -40.0, 70.0)
+    corners = (-30, -20), (30, -20), (30, -10), (-12, -10), (-12, 20), (-30, 20)
+    expected = Primitive("extrude", (20.0,), place, pose, Outline((tuple((float(x), float(y), 0.0) for x, y in corners),)))
+    truth = common(expected, sphere(32.0, place))
+    told, config = Told(WALL, (SPHERE, [*BALL[1][:3], 32 / DIAGONAL, *BALL[1][4:]])), DecodeConfig(beam=4, cur_points=64, undo_limit=0)
+    whole = decode_sequences(told, cloud(truth), matrix_from_euler(pose), config=config)[0]
+    assert [(step.op, step.term.kind) for step in whole] == [("union", "extrude"), ("intersection", "sphere")]
+    assert iou(whole[0].term, expected) >= 0.98
+    assert iou(to_program(whole), truth) >= 0.98
+
+
+def test_what_a_policy_would_intersect_with_is_offered_in_common_with_the_first_parts():
+    block, stud, third = box(60, 40, 20), cylinder(8, 30), box(4, 4, 26)
+    points = cloud(block)
+    for program, own in ((block, [block]), (union(block, stud, third), [block, stud]), (cut(union(block, stud), third), [block, stud])):
+        told = Told(BLOCK, *[BALL] * 4)
+        parts = next_parts(told, points, program)
+        assert len(parts) == ASKED * len(own)
+        assert told.seen[0].must_add
+        assert told.seen[0].may_undo.all()
+        assert all(isinstance(p, Combine) and p.op == "intersection" and p.left in own for p in parts)
+        assert all(iou(p, common(held, sphere(25.0))) >= 0.97 for p, held in zip(parts[: len(own)], own, strict=True))
+
+
+def test_a_program_that_no_sequence_can_say_is_seen_by_its_solid_alone():
+    """One that cuts an intersection, and one longer than sequences are: the cloud's points are told by how far they are outside of it."""
+    block = box(60, 40, 20)
+    part = cut(block, common(sphere(12.0), box(30, 6, 30)))
+    points = cloud(block)
+    for program in (part, union(*(box(60, 40, 20 - 0.01 * k) for k in range(8)))):
+        told = Told(BLOCK)
+        parts = next_parts(told, points, program)
+        assert len(parts) == ASKED
+        (seen,) = told.seen
+        assert int(seen.written.lengths) == 0
+        local = seen.gt_points[0].double().numpy() * DIAGONAL
+        # the frame may be turned by half a turn, which these do not mind
+        known = kernels.program_sdf(program, local) / DIAGONAL
+        assert seen.outside[0].numpy() == pytest.approx(known, abs=5e-3)
+
+
+def test_a_program_that_a_sequence_can_say_is_seen_step_by_step():
+    """Blocks and bores, and an L as the L that it is."""
+    block = box(60, 40, 20)
+    points = cloud(block)
+    corners = (-30, -20), (30, -20), (30, -10), (-12, -10), (-12, 20), (-30, 20)
+    wall = Primitive("extrude", (20.0,), outline=Outline((tuple((float(x), float(y), 0.0) for x, y in corners),)))
+    for program, kinds in ((block, [BOX]), (cut(wall, cylinder(3, 30, (-20.0, -15.0, 0.0))), [EXTRUDE, CYLINDER])):
+        told = Told(*[BLOCK] * 4)
+        next_parts(told, points, program)
+        (seen,) = told.seen
+        assert seen.outside is None
+        assert seen.written.kinds.tolist() == [kinds]
+        assert seen.written.positive[0].tolist() == [True, *[False] * (len(kinds) - 1)]
+    assert int(family_of(seen.written.forms[0, 0])) == Family.ELL
+    assert sorted(seen.written.shares[0, 0].tolist()) == pytest.approx([0.0, 0.25, 0.3], abs=1e-3)
+
+
+def test_a_beam_of_intersections_leaves_the_solver_what_it_can_use():
+    """It knows none: the rest of the beam, and its own primitives, explain the cloud."""
+    block = box(60, 40, 20)
+    points = cloud(block)
+    found = proposals(Told(BLOCK, BALL), points, 0.0)
+    assert iou(found[0].program, block) >= 0.98
+    assert all(step.op != "intersection" for p in found for step in to_sequence(p.program))
 
 
 def test_programs_come_back_in_the_pose_and_units_of_the_cloud():

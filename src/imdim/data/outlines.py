@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Outline
+from imdim.program.outline import Outline, Ring, circle
 
 MOST_CORNERS = 8
 QUARTERS = 4
@@ -147,14 +148,24 @@ def _bar_levels(family: Tensor, quarter: Tensor, shares: Tensor, half: Tensor, u
     return level
 
 
-def areas(at: Tensor, r: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Areas, perimeters and x of the centroids [...] of outlines with corners `at` [..., 8, 2], of radius `r` [...]."""
+class Measures(NamedTuple):
+    """Of outlines: areas, perimeters, and x of the centroids of both, [...]."""
+
+    area: Tensor
+    around: Tensor
+    middle: Tensor
+    middle_of_edge: Tensor
+
+
+def measure_outlines(at: Tensor, r: Tensor) -> Measures:
+    """Of outlines with corners `at` [..., 8, 2], of radius `r` [...]; those that are round are about the origin."""
     x, y = at.unbind(-1)
     cross = x * y.roll(-1, -1) - x.roll(-1, -1) * y
     area = cross.sum(-1) / 2
-    around = torch.linalg.vector_norm(at - at.roll(-1, -2), dim=-1).sum(-1) - (8 - 2 * math.pi) * r
+    length = torch.linalg.vector_norm(at - at.roll(-1, -2), dim=-1)
     middle = ((x + x.roll(-1, -1)) * cross).sum(-1) / (6 * area).clamp_min(1e-12)
-    return area - (4 - math.pi) * r * r, around, middle
+    of_edge = (length * (x + x.roll(-1, -1))).sum(-1) / (2 * length.sum(-1)).clamp_min(1e-12)
+    return Measures(area - (4 - math.pi) * r * r, length.sum(-1) - (8 - 2 * math.pi) * r, middle, of_edge)
 
 
 def on_outlines(at: Tensor, r: Tensor, half: Tensor, pick: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
@@ -186,19 +197,25 @@ def to_outline(form: int, shares: tuple[float, ...], half: tuple[float, float], 
     at, r = list(dict.fromkeys(map(tuple, corners(*of).tolist()))), float(rounding(*of))
     if r <= SHARP * min(half):
         return Outline((tuple((x + beside, y, 0.0) for x, y in at),))
+    if r >= min(half) * (1 - SHARP):
+        return Outline((_stadium(half, beside),))
     bulge = math.tan(math.pi / 8)
     ring = []
     for (x, y), (px, py), (nx, ny) in zip(at, [at[-1], *at[:-1]], [*at[1:], at[0]], strict=True):
         before, after = (((qx > x) - (qx < x), (qy > y) - (qy < y)) for qx, qy in ((px, py), (nx, ny)))
         ring += [(x + r * before[0] + beside, y + r * before[1], bulge), (x + r * after[0] + beside, y + r * after[1], 0.0)]
-    return Outline((_without_twins(ring),))
+    return Outline((tuple(ring),))
 
 
-def _without_twins(ring: list[tuple[float, float, float]]) -> tuple[tuple[float, float, float], ...]:
-    """Without the vertices where the next one is: between the two arcs of a slot's end nothing is straight."""
-    extent = max(abs(v) for x, y, _ in ring for v in (x, y))
-    following = [*ring[1:], ring[0]]
-    return tuple(v for v, n in zip(ring, following, strict=True) if math.dist(v[:2], n[:2]) > SHARP * extent)
+def _stadium(half: tuple[float, float], beside: float) -> Ring:
+    """Two half circles, with lines between them where the box is longer than wide."""
+    (w, h), r = half, min(half)
+    a, b = w - r, h - r
+    if max(a, b) <= SHARP * r:
+        return circle(r, beside)
+    if a > 0:
+        return ((beside - a, -r, 0.0), (beside + a, -r, 1.0), (beside + a, r, 0.0), (beside - a, r, 1.0))
+    return ((beside + r, -b, 0.0), (beside + r, b, 1.0), (beside - r, b, 0.0), (beside - r, -b, 1.0))
 
 
 def _first_angle(n: int) -> float:
@@ -243,12 +260,15 @@ def _as_rounded(ring: list[tuple[float, float, float]], half: tuple[float, float
     ends = zip(ring, [*ring[1:], ring[0]], strict=True)
     arcs = [math.hypot(x - u, y - v) / (2 * math.sin(2 * math.atan(abs(b)))) for (x, y, b), (u, v, _) in ends if b]
     r = sum(arcs) / len(arcs)
-    share = min(r / min(half), 1.0)
+    share = r / min(half) if r < min(half) * (1 - NEAR) else 1.0
     return (form, (share, 0.0, 0.0)) if _is_near(ring, form, (share, 0.0, 0.0), half) else None
 
 
 def _as_bars(ring: list[tuple[float, float, float]], half: tuple[float, float]) -> tuple[int, tuple[float, float, float]] | None:
-    """An L, T or U, by where its inner corners are."""
+    """A rectangle, or an L, T or U by where its inner corners are."""
+    sharp = int(form_of(torch.tensor(int(Family.ROUNDED)), torch.tensor(0))), (0.0, 0.0, 0.0)
+    if _is_near(ring, *sharp, half):
+        return sharp
     inner = [(x, y) for x, y, _ in ring if abs(x) < half[0] * (1 - NEAR) and abs(y) < half[1] * (1 - NEAR)]
     for family in (Family.ELL, Family.TEE, Family.CHANNEL):
         for quarter in range(QUARTERS):

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from imdim.data.outlines import areas, corners, on_outlines, rounding
+from imdim.data.outlines import Measures, corners, measure_outlines, on_outlines, rounding
 from imdim.data.solids import BOX, CONE, CYLINDER, EXTRUDE, SPHERE, TORUS, Solids, holds, inside, outline_boxes
 
 STEP = 1e-4  # how far both sides of a surface are looked at, as a share of the solid's size
@@ -78,24 +78,22 @@ def surface_areas(solids: Solids) -> Tensor:
     area = torch.where(solids.kinds == TORUS, 4 * math.pi**2 * a * b, area)
     area = torch.where(solids.kinds == CYLINDER, 2 * math.pi * a * (a + b), area)
     return _of_drawn(
-        solids, area, lambda flat, around, _, h: 2 * flat + around * h, lambda _, around, middle: 2 * math.pi * middle * around
+        solids, area, lambda told, _, h: 2 * told.area + told.around * h, lambda told: 2 * math.pi * told.middle_of_edge * told.around
     )
 
 
 def _of_drawn(
-    solids: Solids,
-    values: Tensor,
-    extruded: Callable[[Tensor, Tensor, Tensor, Tensor], Tensor],
-    turned: Callable[[Tensor, Tensor, Tensor], Tensor],
+    solids: Solids, values: Tensor, extruded: Callable[[Measures, Tensor, Tensor], Tensor], turned: Callable[[Measures], Tensor]
 ) -> Tensor:
-    """`values` [b, t] with those of extruded outlines by their area, perimeter, area of their box and height, and of turned ones by area,
-    perimeter and the radius of their centroid (Pappus)."""
+    """`values` [b, t] with those of extruded outlines by their measures, the area of their box and their height, and of turned ones by
+    measures whose middles are radii (Pappus)."""
     if not solids.drawn.any():
         return values
     half, beside, is_turned = outline_boxes(solids.kinds, solids.sizes, solids.shares)
-    flat, around, middle = areas(*_edges(solids, half))
-    pulled = extruded(flat, around, 4 * half.prod(-1), solids.sizes[..., 2])
-    return torch.where(is_turned, turned(flat, around, beside + middle), torch.where(solids.kinds == EXTRUDE, pulled, values))
+    told = measure_outlines(*_edges(solids, half))
+    pulled = extruded(told, 4 * half.prod(-1), solids.sizes[..., 2])
+    about = told._replace(middle=told.middle + beside, middle_of_edge=told.middle_of_edge + beside)
+    return torch.where(is_turned, turned(about), torch.where(solids.kinds == EXTRUDE, pulled, values))
 
 
 def _ellipsoid_area(a: Tensor, b: Tensor, c: Tensor) -> Tensor:
@@ -111,7 +109,7 @@ def _map_areas(solids: Solids) -> Tensor:
     widest = torch.maximum(torch.maximum(a * b, b * c), c * a)
     area = torch.where(solids.ellipsoids, 4 * math.pi * widest, area)
     # ends are looked for in all of the outline's box, and what is turned is drawn as if it were as far out as it reaches
-    return _of_drawn(solids, area, lambda _, around, box, h: 2 * box + around * h, lambda _, around, __: 2 * math.pi * a * around)
+    return _of_drawn(solids, area, lambda told, box, h: 2 * box + told.around * h, lambda told: 2 * math.pi * a * told.around)
 
 
 def _stretching(kinds: Tensor, sizes: Tensor, local: Tensor) -> Tensor:
@@ -132,7 +130,7 @@ def volumes(solids: Solids) -> Tensor:
     volume = torch.where(solids.kinds == CONE, math.pi / 3 * c * (a * a + a * b + b * b), volume)
     volume = torch.where(solids.kinds == TORUS, 2 * math.pi**2 * a * b * b, volume)
     volume = torch.where(solids.kinds == CYLINDER, math.pi * a * a * b, volume)
-    return _of_drawn(solids, volume, lambda flat, _, __, h: flat * h, lambda flat, _, middle: 2 * math.pi * middle * flat)
+    return _of_drawn(solids, volume, lambda told, _, h: told.area * h, lambda told: 2 * math.pi * told.middle * told.area)
 
 
 def local_surface(kinds: Tensor, sizes: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
@@ -212,7 +210,7 @@ def _on_drawn(solids: Solids, at: tuple[Tensor, Tensor], u: Tensor, chance: Tens
     edges, rounds = _edges(solids, halves)
     sizes, half, beside, turned = solids.sizes[at], halves[at], besides[at], turns[at]
     on, normal = on_outlines(edges[at], rounds[at], half, u[:, 0], u[:, 1])
-    around, box = areas(edges, rounds)[1][at], 4 * half.prod(-1)
+    around, box = measure_outlines(edges, rounds).around[at], 4 * half.prod(-1)
     h = sizes[:, 2]
     is_end = ~turned & (chance[:, 0] * (2 * box + around * h) < 2 * box)
     up = torch.where(chance[:, 1] < 0.5, -1.0, 1.0)

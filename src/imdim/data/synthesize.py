@@ -141,6 +141,19 @@ def with_prefixes(
     return samples._replace(cur_points=surface_clouds(samples.written, config.cur_points, generator)[0])
 
 
+def join_samples(a: TrainingSamples, b: TrainingSamples) -> TrainingSamples:
+    """The rows of both, sequences padded to the longer ones', clouds cut to the smaller ones'."""
+    width = max(a.gt_tokens.shape[1], b.gt_tokens.shape[1])
+    parts = []
+    for s in (a, b):
+        tail = width - s.gt_tokens.shape[1]
+        tokens = torch.nn.functional.pad(s.gt_tokens, (0, tail), value=PAD)
+        parts.append(s._replace(gt_tokens=tokens, gt_params=torch.nn.functional.pad(s.gt_params, (0, 0, 0, tail))))
+    clouds = {name: min(getattr(p, name).shape[1] for p in parts) for name in ("gt_points", "cur_points")}
+    cut = (p._replace(**{name: getattr(p, name)[:, :n] for name, n in clouds.items()}) for p in parts)
+    return TrainingSamples(*(torch.cat(rows) for rows in zip(*cut, strict=True)))
+
+
 def _shake(params: Tensor, size: float, dice: Dice) -> Tensor:
     """Parameters [b, t, 10] whose centres are off by `size` (standard deviation) and whose sizes by at most as much, and by a tenth."""
     noise = size * dice.normal(params.shape[1], 6)

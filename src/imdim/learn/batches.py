@@ -10,7 +10,7 @@ from torch.utils.data import DataLoader, Dataset
 from imdim.data.folder import chunk_generator
 from imdim.data.npz import NPZCADDataset, collate
 from imdim.data.solids import from_sequences
-from imdim.data.synthesize import TrainingSamples, synthesize, with_prefixes
+from imdim.data.synthesize import TrainingSamples, join_samples, synthesize, with_prefixes
 from imdim.learn.distributed import Processes
 from imdim.learn.settings import TrainConfig
 from imdim.learn.stump.samples import Occupied, draw_samples, label_solids
@@ -37,6 +37,9 @@ class Batches(Dataset[list[Batch] | Exception]):
         self.device = "cpu" if config.workers else config.device
         self.mine = range(processes.rank, config.shards, processes.count)
         self.data = NPZCADDataset(config.data_root, config.max_seq_len) if config.data_root else None
+        self.expert = NPZCADDataset(config.expert_root, config.max_seq_len) if config.expert_root else None
+        if self.expert is not None and (self.data is not None or not 0 < config.p_expert < 1 or config.experiment == "stump"):
+            raise ValueError("settings expert_root and p_expert need a share between 0 and 1 of samples of programs made on the fly")
         self.kept: dict[int, dict[int, Batch]] = {}
         self.per_epoch = max(1, (len(self.data) if self.data else config.samples_per_epoch) // config.batch_size)
 
@@ -60,7 +63,19 @@ class Batches(Dataset[list[Batch] | Exception]):
             made = self._made(whole, shard, len(chosen) * config.together)
             return made._make(tensor[at * len(chosen) : (at + 1) * len(chosen)] for tensor in made)
         generator = chunk_generator(config.seed, TRAIN_STREAM, step * config.shards + shard, self.device)
-        return _samples(self.data, chosen, config, generator)
+        return self._draw(self.data, chosen, generator)
+
+    def _draw(self, data: NPZCADDataset | None, chosen: Sequence[int], generator: torch.Generator) -> Batch:
+        """Samples of the files `chosen`, or as many made on the fly, of which some may be the expert's."""
+        if self.expert is None:
+            return _samples(data, chosen, self.config, generator)
+        taken = round(self.config.p_expert * len(chosen))
+        rows = torch.randint(len(self.expert), (taken,), generator=generator, device=generator.device).tolist()
+        made = _samples(None, range(len(chosen) - taken), self.config, generator)
+        found = _samples(self.expert, rows, self.config, generator)
+        assert isinstance(made, TrainingSamples)
+        assert isinstance(found, TrainingSamples)
+        return join_samples(made, found)
 
     def _made(self, whole: int, shard: int, count: int) -> Batch:
         """Part `shard` of the samples of several steps, number `whole`; the last ones made are kept."""
@@ -68,7 +83,7 @@ class Batches(Dataset[list[Batch] | Exception]):
             self.kept = {whole: {}}
         if shard not in self.kept[whole]:
             generator = chunk_generator(self.config.seed, TRAIN_STREAM, whole * self.config.shards + shard, self.device)
-            self.kept[whole][shard] = _samples(None, range(count), self.config, generator)
+            self.kept[whole][shard] = self._draw(None, range(count), generator)
         return self.kept[whole][shard]
 
     def steps(self, first: int, end: int) -> Iterator[list[Batch]]:

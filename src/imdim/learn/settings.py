@@ -26,8 +26,10 @@ PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 class TrainConfig:
     """`data_root` and `val_root` are folders of npz; where empty, samples are made on the fly and never repeat. An epoch is
     `samples_per_epoch` samples (or the folder, once) and ends with a validation on `n_val` samples; every `measure_every` epochs
-    `n_measure` whole programs are written, executed and compared too. `max_seq_len` counts END. `weights` is a checkpoint of the same
-    design and sizes whose weights the run begins with (empty: fresh ones); give it another `seed`, or it sees the same samples again.
+    `n_measure` whole programs are written, executed and compared too. Of samples made on the fly a share of `p_expert` is taken from the
+    npz of `expert_root`, if given: programs that the whole system found (`scripts/make_expert_targets.py`). `max_seq_len` counts END.
+    `weights` is a checkpoint of the same design and sizes whose weights the run begins with (empty: fresh ones); give it another `seed`, or
+    it sees the same samples again.
 
     The learning rate warms up over `warmup` steps, stays, and falls to nothing over the last `cooldown` share of the steps. The run is
     over after `epochs` or after about `max_minutes` (0: no limit) of this command: the fall starts early enough. `ema` is the decay per
@@ -42,6 +44,8 @@ class TrainConfig:
     experiment: str = "base"
     data_root: str = ""
     val_root: str = ""
+    expert_root: str = ""
+    p_expert: float = 0.25
     weights: str = ""
     out: str = "runs/base"
     epochs: int = 20

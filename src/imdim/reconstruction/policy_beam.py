@@ -159,8 +159,7 @@ def proposals(
     points = points[inliers(points)]
     axes = main_axes(subsample(points, POINTS))
     given = [s for p in starts if (s := of_primitives(to_sequence(p))) is not None]
-    written = decode_sequences(policy, points, axes, seed) if policy is not None else []
-    beam = [s for s in written if all(step.op != "intersection" for step in s)]
+    beam = decode_sequences(policy, points, axes, seed) if policy is not None else []
     return settle([*given, *beam], points, sigma, axes, config or FINE, deadline)
 
 

@@ -67,13 +67,13 @@ def settle(
 ) -> list[Proposal]:
     """The best sequences for the surface `points` [n, 3] with noise of deviation `sigma`, cheapest first.
 
-    Candidates that begin with a cut are left out; single primitives fitted to the whole cloud are added, so there is always an answer
-    unless the cloud has no extent. `axes` [3, 3] has the part's main directions as columns (default: the coordinate axes).
-    Past the `deadline` (by default never) numbers and sequences stay as they are by then.
+    Candidates that begin with a cut, and those with intersections, are left out; single primitives fitted to the whole cloud are added, so
+    there is always an answer unless the cloud has no extent. `axes` [3, 3] has the part's main directions as columns (default: the
+    coordinate axes). Past the `deadline` (by default never) numbers and sequences stay as they are by then.
     """
     config = config or ProposalConfig()
     cloud = Cloud.of(subsample(points, config.most), sigma)
-    given = [c for c in candidates if c and c[0].positive]
+    given = [c for c in candidates if c and c[0].positive and all(step.op != "intersection" for step in c)]
     return _Repairs(cloud, np.eye(3) if axes is None else axes, config, deadline).settle(given)
 
 
