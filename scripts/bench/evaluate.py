@@ -22,7 +22,7 @@ from torch import Tensor
 
 from imdim.app.arguments import from_arguments
 from imdim.data.canonical import canonical
-from imdim.data.solids import BOX, Solids, concatenate, from_sequences, from_signed, to_signed
+from imdim.data.solids import BOX, Solids, concatenate, empty, from_sequences, from_signed, to_signed
 from imdim.data.synthesize import SynthesisConfig, TrainingSamples, synthesize
 from imdim.geometry.axes import main_axes
 from imdim.geometry.solid import to_manifold, volume_iou
@@ -39,6 +39,7 @@ from imdim.search.mdl.repair import settle
 
 HEAD = "| answer | median IoU | mean IoU | IoU >= 0.9 | exact structure | seconds per target |\n| --- | --- | --- | --- | --- | --- |"
 T = TypeVar("T")
+Answers = Sequence[SignedSequence[Primitive]]
 LONG = (7, 12)  # primitives of the second range
 
 
@@ -106,8 +107,8 @@ def answer_results(policy: Policy, batch: TrainingSamples, config: EvaluateConfi
     say("\n" + HEAD)
     results: dict[str, object] = {}
     for name, (found, seconds) in _answers(policy, batch.gt_points, config):
-        ious = [exact_iou(f, t) for f, t in zip(written_programs(found), programs, strict=True) if t is not None]
-        exact = float(exact_structure(canonical(found.compact()), canonical(truth)).float().mean())
+        ious = [exact_iou(to_program(f) if f else None, t) for f, t in zip(found, programs, strict=True) if t is not None]
+        exact = float(exact_structure(canonical(as_rows(found)), canonical(truth)).float().mean())
         s = summary(ious)
         say(f"| {name} | {s['median']:.3f} | {s['mean']:.3f} | {s['share_090']:.0%} | {exact:.0%} | {seconds:.2f} |")
         results[name] = {**s, "exact_structure": exact, "seconds": seconds, "ious": ious}
@@ -117,6 +118,17 @@ def answer_results(policy: Policy, batch: TrainingSamples, config: EvaluateConfi
 def written_programs(solids: Solids) -> list[Program | None]:
     """Each row as a program of the tree; None where nothing positive is there."""
     return [to_program(sequence) if sequence else None for sequence in to_signed(solids)]
+
+
+def as_rows(sequences: Sequence[SignedSequence[Primitive]]) -> Solids:
+    """The sequences as a batch; nothing for one with an outline that a solver has made more than a simple one."""
+    rows = []
+    for sequence in sequences:
+        try:
+            rows.append(from_signed([sequence]) if sequence else empty(1, 1))
+        except ValueError:
+            rows.append(empty(1, 1))
+    return concatenate(rows, max(row.kinds.shape[1] for row in rows))
 
 
 def exact_iou(found: Program | None, truth: Program) -> float:
@@ -130,26 +142,26 @@ def bounding_boxes(gt_points: Tensor) -> Solids:
     rows, device = len(low), low.device
     identity = torch.eye(3, device=device).expand(rows, 1, 3, 3)
     kinds = torch.full((rows, 1), BOX, device=device)
-    return Solids(kinds, torch.ones_like(kinds, dtype=torch.bool), ((low + high) / 2)[:, None], (high - low)[:, None], identity)
+    return Solids.plain(kinds, torch.ones_like(kinds, dtype=torch.bool), ((low + high) / 2)[:, None], (high - low)[:, None], identity)
 
 
-def _answers(policy: Policy, gt_points: Tensor, config: EvaluateConfig) -> Iterator[tuple[str, tuple[Solids, float]]]:
-    """(name, (solids in the clouds' own frame, seconds per target)) of each way to answer; nothing in it looks at the truth."""
+def _answers(policy: Policy, gt_points: Tensor, config: EvaluateConfig) -> Iterator[tuple[str, tuple[Answers, float]]]:
+    """(name, (programs in the clouds' own frame, seconds per target)) of each way to answer; nothing in it looks at the truth."""
     clouds = gt_points.double().numpy()
     poses, turning = _timed(lambda: Poses.of(list(clouds), [main_axes(c) for c in clouds]), len(clouds))
     local = poses.local(clouds)
     render, chance = torch.Generator().manual_seed(config.seed), torch.Generator().manual_seed(config.seed + 1)
-    yield "bounding box", _timed(lambda: bounding_boxes(gt_points), len(clouds))
+    yield "bounding box", _timed(lambda: to_signed(bounding_boxes(gt_points)), len(clouds))
     if config.solver:
         yield (
             "bounding box + solver",
             _timed(lambda: _solved([[s] for s in to_signed(bounding_boxes(gt_points))], clouds, poses), len(clouds)),
         )
     greedy, seconds = _timed(lambda: poses.back(decode(policy, local, config.decode, render)), len(clouds))
-    yield "greedy", (greedy, seconds + turning)
+    yield "greedy", (to_signed(greedy), seconds + turning)
     width = config.decode.beam
     beams, seconds = _timed(lambda: poses.back(_beams(policy, local, config.decode, render, chance)), len(clouds))
-    yield f"beam {width}", (beams[torch.arange(len(clouds)) * width], seconds + turning)
+    yield f"beam {width}", (to_signed(beams[torch.arange(len(clouds)) * width]), seconds + turning)
     if not config.solver:
         return
     candidates = [to_signed(beams[slice(i * width, (i + 1) * width)]) for i in range(len(clouds))]
@@ -169,9 +181,8 @@ def _beams(policy: Policy, local: Tensor, config: DecodeConfig, render: torch.Ge
     return concatenate(parts, max(p.kinds.shape[1] for p in parts))
 
 
-def _solved(candidates: Sequence[Sequence[SignedSequence[Primitive]]], clouds: np.ndarray, poses: Poses) -> Solids:
-    best = [settle(c, cloud, 0.0, axes)[0].signed for c, cloud, axes in zip(candidates, clouds, poses.axes, strict=True)]
-    return from_signed(best)
+def _solved(candidates: Sequence[Sequence[SignedSequence[Primitive]]], clouds: np.ndarray, poses: Poses) -> Answers:
+    return [settle(c, cloud, 0.0, axes)[0].signed for c, cloud, axes in zip(candidates, clouds, poses.axes, strict=True)]
 
 
 if __name__ == "__main__":

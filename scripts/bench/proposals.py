@@ -14,6 +14,7 @@ import time
 import numpy as np
 import torch
 
+from imdim.data.families import PLAIN
 from imdim.data.solids import from_sequences, to_signed
 from imdim.data.synthesize import SynthesisConfig, synthesize
 from imdim.geometry.axes import main_axes
@@ -52,7 +53,7 @@ def targets(n: int, low: int, high: int, noise: float, seed: int) -> list[tuple[
     """True sequences and their clouds [2048, 3]."""
     torch.set_num_threads(1)
     generator = torch.Generator().manual_seed(seed)
-    batch = synthesize(n, SynthesisConfig(n_min=low, n_max=high, free_rotation=0.2), generator)
+    batch = synthesize(n, SynthesisConfig(n_min=low, n_max=high, free_rotation=0.2, families=PLAIN), generator)
     sequences = to_signed(from_sequences(batch.gt_tokens, batch.gt_params))
     rng = np.random.default_rng(seed)
     clouds = [points.double().numpy() for points in batch.gt_points]

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from imdim.data.families import FAMILIES
+from imdim.data.families import PLAIN
 from imdim.data.solids import to_signed
 from imdim.data.synthesize import SynthesisConfig, draw_programs
 from imdim.geometry.lowering import pack, unpack
@@ -40,7 +40,7 @@ BARS = {"precision": 0.95, "recall": 0.85, "error_ratio": 0.5}
 def planted(count: int, seed: int) -> list[Program]:
     """Programs of the generator of two to twelve primitives."""
     generator = torch.Generator().manual_seed(seed)
-    config = SynthesisConfig(n_min=2, families=tuple(FAMILIES))
+    config = SynthesisConfig(n_min=2, families=PLAIN)
     solids, _ = draw_programs(count, config, generator)
     return [to_program(sequence) for sequence in to_signed(solids) if sequence]
 

@@ -19,6 +19,7 @@ import torch
 from scipy.spatial import KDTree
 from torch.utils.flop_counter import FlopCounterMode
 
+from imdim.data.families import PLAIN
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, draw_programs
 from imdim.geometry import kernels as kernels_of_geometry
@@ -263,7 +264,7 @@ def _missing(got: np.ndarray, expected: list[np.ndarray]) -> float:
 def decoding(rows: int) -> Kernel:
     """The moves of the bundled policy along its own greedy decoding; products of matrices as torch counts them."""
     policy, _ = load_policy(CHECKPOINT)
-    _, targets = draw_programs(rows, SynthesisConfig(n_min=2, n_max=6, gt_points=1024), torch.Generator().manual_seed(5))
+    _, targets = draw_programs(rows, SynthesisConfig(n_min=2, n_max=6, gt_points=1024, families=PLAIN), torch.Generator().manual_seed(5))
     states = list(steps(policy, targets, DecodeConfig(max_primitives=4), torch.Generator().manual_seed(6)))
 
     def run(_: Any) -> list[Any]:
