@@ -1,6 +1,8 @@
 """Noisy clouds through the pipeline: judged by how likely they are, whatever the cells say."""
 
 import math
+import os
+import sys
 from dataclasses import replace
 from functools import cache
 from itertools import count as count_up
@@ -12,6 +14,7 @@ from tests.deadlines import PASSED
 from tests.drawn import NOZZLE
 from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 
+from imdim import side_process
 from imdim.deadline import NEVER, Deadline
 from imdim.detection.noise import ENOUGH_POINTS, EXACT
 from imdim.geometry.sampling import surface_points
@@ -451,3 +454,16 @@ def test_holes_of_drawings_are_cuts_of_their_own_before_the_last_search():
     assert [p.kind for p in leaves(apart)] == ["box", "box", "cylinder", "cylinder"]
     assert volume_iou(to_manifold(apart), to_manifold(union(drawn, box(5, 5, 20)))) > 0.999
     assert mdl._with_holes_apart(box(5, 5, 20), 0.3) is None
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are for Linux")
+def test_two_cores_find_the_same(monkeypatch):
+    truth = cut(box(40, 30, 20), cylinder(6, 30))
+    noisy = mdl._NoisyCloud.of(cloud(truth, n=250), 0.3, np.eye(3), drawn=False, trifle=0.1)
+    monkeypatch.setattr(side_process, "can_fork", lambda: False)
+    alone = replace(noisy, anew=False).find_shortest([box(40, 30, 20)], NEVER, NEVER)
+    made, fork = [], os.fork
+    monkeypatch.setattr(side_process, "can_fork", lambda: True)
+    monkeypatch.setattr(os, "fork", lambda: made.append(fork()) or made[-1])
+    assert replace(noisy, anew=False).find_shortest([box(40, 30, 20)], NEVER, NEVER) == alone
+    assert made

@@ -332,7 +332,7 @@ def main(arguments: list[str]) -> None:
     if arguments == ["all"]:
         compile_kernels(sys.stderr, cloud=True)
         return
-    with _uncollected():
+    with _uncollected(), without_copies():
         {stage.name: stage.compile_half for stage in (MESHES, CLOUDS)}[arguments[0]]()
 
 

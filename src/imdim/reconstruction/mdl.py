@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -36,6 +37,7 @@ from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 from imdim.search.mdl.search import FEWER, FIRST, OWN, REFIT, best_by_mdl, shorten, tables_of_subsample
 from imdim.search.mdl.silhouettes import outlines
+from imdim.side_process import map_beside
 from imdim.target.target import sample_surface
 
 QUICK_POINTS = 4096
@@ -207,13 +209,15 @@ class _NoisyCloud:
 
     def _retraced(self, found: Sequence[Primitive], deadline: Deadline) -> Iterator[Primitive]:
         """Outlines, each fitted as if it were all there is, drawn anew through the points beside it."""
-        for part in found:
-            if part.outline is None or deadline.has_passed():
-                continue
+
+        def drawn_anew(part: Primitive) -> list[Primitive]:
+            if deadline.has_passed():
+                return []
             likely = maximise_likelihood(part, self.quick[::FEWER], self._noise, FIRST, deadline)
             near = np.abs(kernels.program_sdf(likely.program, self.quick)) < OWN * self.sigma
-            if isinstance(likely.program, Primitive):
-                yield from retrace(likely.program, self.quick[near], self.sigma)
+            return [*retrace(likely.program, self.quick[near], self.sigma)] if isinstance(likely.program, Primitive) else []
+
+        return chain.from_iterable(map_beside(drawn_anew, [part for part in found if part.outline is not None]))
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> tuple[FittedProgram, bool]:
         """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
@@ -409,7 +413,8 @@ class _NoisyCloud:
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
         few = best_by_mdl([*dict.fromkeys(starts)], self._draws, self._noise, FITTED)
-        return min((maximise_likelihood(p, self.quick, self._noise, REFIT, deadline) for p in few), key=self._length)
+        fitted = map_beside(lambda p: maximise_likelihood(p, self.quick, self._noise, REFIT, deadline), few, [self.shadows])
+        return min(fitted, key=self._length)
 
     def _start(self, programs: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted."""

@@ -7,7 +7,7 @@ alone. A sequence then has the indices of parts as its terms: a choice.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Generic, NamedTuple, TypeVar
 
@@ -26,10 +26,12 @@ TURNED: Mapping[Op, Op] = {"union": "difference", "difference": "union"}
 
 
 class FittingStage(NamedTuple, Generic[S]):
-    """The `most` foremost trials are fitted; `fit` gives what becomes of one, itself included where it may stay as it is."""
+    """The `most` foremost trials are fitted; `fit` gives what becomes of one, itself included where it may stay as it is. As `map` does,
+    `each` gives what a function does for each of several trials."""
 
     fit: Callable[[S], Sequence[S]]
     most: int
+    each: Callable[[Callable[[S], Sequence[S] | None], Sequence[S]], Iterable[Sequence[S] | None]] = map
 
 
 def search_locally(
@@ -99,12 +101,12 @@ def _rank(
     """What becomes of the foremost trials, the best first; where there is no time to fit them all, of those that are fitted if `some` are
     enough, and nothing otherwise."""
     fitted: list[S] = []
-    for trial in trials[: stage.most]:
-        if deadline.has_passed():
+    for found in stage.each(lambda trial: None if deadline.has_passed() else stage.fit(trial), trials[: stage.most]):
+        if found is None:
             if not some:
                 return []
             break
-        fitted += stage.fit(trial)
+        fitted += found
     return sorted(zip(fitted, objective(fitted), strict=True), key=itemgetter(1)) if fitted else []
 
 

@@ -13,6 +13,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -53,6 +54,7 @@ from imdim.search.mdl.moves import (
 )
 from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
+from imdim.side_process import map_beside
 
 ROUNDS = 40
 SEEN = 2048  # points that changes are looked at with
@@ -117,7 +119,8 @@ def shorten(
 
     start = _Trial(likely, (), (), ())
     tried = 1 + TRIED + STEPPED + copies * COPIED
-    stages = FittingStage(fit(points[::FEWER], FIRST, told), tried), FittingStage(fit(points, REFIT), 1 + REFITTED)
+    each = partial(map_beside, known=[likely.noise.shadows])
+    stages = FittingStage(fit(points[::FEWER], FIRST, told), tried, each), FittingStage(fit(points, REFIT), 1 + REFITTED, each)
     best = start, lengths([start])[0]
     while changes.has_more_to_look_at() and not deadline.has_passed():
         for trial, length in improvements(best, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join, _are_alike):
@@ -298,7 +301,8 @@ class _Changes:
         in_steps = (best_in_place(moves, own[term], lengths, start) for term in own if mixture.parts[term] in self._stepped)
         kept += itertools.islice((choice for choice in in_steps if choice is not None and choice not in kept), STEPPED)
         # what is drawn anew may lie a little off everywhere: only fits tell its worth
-        fitted = [self._trial(best, choice, mixture.parts, start).fitted(self._fit(best.noise)) for choice in anew]
+        drawn_anew, fit = [self._trial(best, choice, mixture.parts, start) for choice in anew], self._fit(best.noise)
+        fitted = map_beside(lambda trial: trial.fitted(fit), drawn_anew, [best.noise.shadows])
         copied = self._copied(best, steps, mixture, (moves, explained)) if self.copies and self._has_time_for_copies() else []
         itself = self._trial(best, start, mixture.parts, start)
         return [itself, *fitted, *copied, *(self._trial(best, choice, mixture.parts, start) for choice in kept)]
