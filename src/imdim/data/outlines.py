@@ -99,7 +99,7 @@ def corners(form: Tensor, shares: Tensor, half: Tensor) -> Tensor:
     }
     for polygon, n in SIDES.items():
         angles = [_first_angle(n) + 2 * math.pi * k / n for k in range(n)]
-        shapes[polygon] = [(w * math.cos(t) + zero, w * math.sin(t) + zero) for t in angles]
+        shapes[polygon] = [(half[..., 0] * math.cos(t) + zero, half[..., 0] * math.sin(t) + zero) for t in angles]
     each = [torch.stack([torch.stack(p, -1) for p in _filled(shapes[f])], -2) for f in Family]
     places = torch.zeros_like(each[0])
     for f, made in zip(Family, each, strict=True):

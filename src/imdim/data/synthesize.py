@@ -226,7 +226,9 @@ def _plainer(kinds: Tensor, params: Tensor, flip: Tensor) -> tuple[Tensor, Tenso
     box, cylinder = torch.cat([edges, tall[:, None]], 1), torch.stack([wide, tall, torch.zeros_like(wide)], 1)
     sizes = torch.where(to_box[:, None], box, cylinder)
     plain = torch.cat([params[:, :3], sizes, params[:, 6:10], torch.zeros_like(params[:, 10:])], 1)
-    return torch.where(to_box, BOX, CYLINDER), plain
+    tokens = torch.where(to_box, BOX, CYLINDER)
+    # as all that is written: the other kind may have another one of its equal rotations
+    return tokens, to_sequences(canonical_primitives(from_sequences(tokens[:, None], plain[:, None])), 2).params[:, 0]
 
 
 def draw_programs(n: int, config: SynthesisConfig, generator: torch.Generator) -> tuple[Solids, Tensor]:

@@ -37,7 +37,7 @@ HIDDEN, BEYOND = 0.02, 0.1  # of an edge: a cutter's end further out is not seen
 THROUGH = 1.0  # of the longest edge: where such an end is put
 ALIGNED = math.cos(math.radians(2.5))
 SMALLEST = 1e-3
-MOST_SHARE, MOST_WALL = 0.96, 0.46  # of an outline's box: how thick its bars may be, and each wall of a U
+LEAST_BAR, MOST_SHARE, MOST_WALL = 0.02, 0.96, 0.46  # of an outline's box: how thick its bars may be, and each wall of a U
 LOG_LOW, LOG_HIGH = math.log(0.005), math.log(1.3)
 
 
@@ -156,6 +156,8 @@ def decode(kinds: Tensor, signs: Tensor, choices: Choices, low: Tensor, edges: T
     # an outline needs a form
     form = torch.where(drawn, choices.form.clamp_min(1), NO_FORM)
     shares = torch.where(used_shares(form, kinds == REVOLVE), numbers[:, TAPER + 1 :].clamp(0, MOST_SHARE), 0.0)
+    bars = (family_of(form) >= Family.ELL)[:, None] & (torch.arange(SHARES, device=kinds.device) < 2)
+    shares = torch.where(bars, shares.clamp_min(LEAST_BAR), shares)
     family = family_of(form)
     polygon = (kinds == EXTRUDE) & (family >= Family.TRIANGLE) & (family <= Family.OCTAGON)
     sizes = torch.where(polygon[:, None] & (torch.arange(3, device=kinds.device) < 2), sizes[:, :2].amax(1, keepdim=True), sizes)

@@ -15,8 +15,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from imdim.data.canonical import canonical_primitives
-from imdim.data.outlines import FORMS
-from imdim.data.solids import ABSENT, BOX, EXTRUDE, Solids, adds_primitive
+from imdim.data.outlines import FORMS, Family, family_of
+from imdim.data.solids import ABSENT, BOX, EXTRUDE, REVOLVE, Solids, adds_primitive
 from imdim.data.synthesize import APPEND, TrainingSamples
 from imdim.learn.attention import Layer, causal
 from imdim.learn.codes import (
@@ -140,7 +140,7 @@ class BasePolicy(Policy):
         at, log_at = draw_index(self._place_scores(view, self._encode_slots(view, draft, 2)[:, 1], undo), generator)
         draft.at = at - 1
         first = torch.tensor([-torch.inf, 0.0, -torch.inf], device=device)
-        opens = ((lengths == 0) | (draft.at == 0))[:, None]
+        opens = (((lengths == 0) & (seen.outside is None)) | (draft.at == 0))[:, None]
         sign = torch.where(opens, first, self.to_sign(self._encode_slots(view, draft, 3)[:, 2]))
         draft.sign, log_sign = draw_index(sign, generator)
         turn, log_turn = draw_index(self.to_turn(self._encode_slots(view, draft, 4)[:, 3]), generator)
@@ -164,11 +164,12 @@ class BasePolicy(Policy):
         if move.draws is None:
             raise ValueError("a move of this policy's own is needed: the primitive does not tell what was drawn")
         ways = len(move.tokens) // len(seen.may_undo)
-        log_p, _, logits = self._log_p(self._view(*seen[:3]).repeat(ways), Draft.of(move.tokens, move.draws))
         lengths, may_undo = (rows.repeat_interleave(ways) for rows in (seen.written.lengths, seen.may_undo))
+        view = self._view(*seen[:3], seen.outside).repeat(ways)
+        log_p, _, logits = self._log_p(view, Draft.of(move.tokens, move.draws), may_undo)
         token = token_log_p(logits, move.tokens, lengths, self.max_seq_len - 1, may_undo)
         # the first primitive is positive without a choice
-        chosen = (lengths > 0) & (move.at != 0)
+        chosen = ((lengths > 0) | (seen.outside is not None)) & (move.at != 0)
         primitive = log_p["at"] + log_p["sign"] * chosen + log_p["turn"] + log_p["form"] + log_p["ends"] + log_p["numbers"]
         return token + primitive * adds_primitive(move.tokens)
 
@@ -181,9 +182,11 @@ class BasePolicy(Policy):
         return torch.cat([behind, scores.masked_fill(~allowed, -torch.inf)], 1)
 
     def _form_scores(self, tokens: Tensor, hidden: Tensor) -> Tensor:
-        """Logits [b, FORMS]; what is not drawn from an outline has none, what is has one."""
-        first = torch.arange(FORMS, device=tokens.device) == 0
-        return self.to_form(hidden).masked_fill(first == (tokens >= EXTRUDE)[:, None], -torch.inf)
+        """Logits [b, FORMS]; what is not drawn from an outline has none, what is has one, and polygons are not turned about an axis."""
+        form = torch.arange(FORMS, device=tokens.device)
+        family = family_of(form)
+        turned = (form > 0) & (family >= Family.TRIANGLE) & (family <= Family.OCTAGON) & (tokens == REVOLVE)[:, None]
+        return self.to_form(hidden).masked_fill(((form == 0) == (tokens >= EXTRUDE)[:, None]) | turned, -torch.inf)
 
     def _draw_end(self, view: StateView, draft: Draft, end: int, generator: torch.Generator | None) -> Tensor:
         """Choose one end in place; its log p [b]."""
@@ -224,7 +227,7 @@ class BasePolicy(Policy):
         index, log_p = draw_index(hidden @ self.to_bins[slot], generator)
         return index, (hidden @ self.to_shifts[slot]).gather(1, index[:, None])[:, 0].clamp(-0.5, 0.5), log_p
 
-    def _log_p(self, view: StateView, draft: Draft) -> tuple[dict[str, Tensor], Tensor, Tensor]:
+    def _log_p(self, view: StateView, draft: Draft, may_replace: Tensor | None = None) -> tuple[dict[str, Tensor], Tensor, Tensor]:
         """Log p [b] of each group of a whole draft's choices, the squared errors [b] of its offsets, in steps, and the token's logits."""
         choices, rows = draft.choices, torch.arange(len(draft.tokens), device=draft.tokens.device)
         hidden = self._encode_slots(view, draft, SLOTS)
@@ -238,7 +241,7 @@ class BasePolicy(Policy):
         adds = adds_primitive(draft.tokens)
         logits = [
             self.to_token(hidden[:, 0]),
-            self._place_scores(view, hidden[:, 1]),
+            self._place_scores(view, hidden[:, 1], may_replace),
             self.to_sign(hidden[:, 2]),
             self.to_turn(hidden[:, 3]),
             self._form_scores(draft.tokens, hidden[:, 4]),

@@ -22,7 +22,7 @@ from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.cost import count
-from imdim.program.sequence import SignedSequence, of_primitives, to_program, to_sequence
+from imdim.program.sequence import SignedSequence, Step, of_primitives, to_program, to_sequence
 from imdim.program.tree import Combine, Primitive, Program
 from imdim.reconstruction.config import LEARNING, NONE, SHIPPED, ConfigError, first_line, lacking, require_extra
 from imdim.reconstruction.poses import POINTS, Poses
@@ -92,7 +92,7 @@ def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int =
     """Parts that a policy would add to `program`, cut from it or put in the place of one of its own, for the surface `points` [n, 3]: ASKED
     draws without their signs. Of what it would intersect the program with, each is offered together with one of the program's first parts.
 
-    A program of more primitives than sequences hold, of outlines or of intersections, is seen by its solid alone.
+    A program of more steps than sequences hold, or of other outlines than simple ones, is seen by its solid alone.
     """
     import torch
 
@@ -108,7 +108,7 @@ def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int =
     if not len(surface.faces):
         return []
     shown = poses.local(trimesh.sample.sample_surface(surface, SHOWN, seed=seed)[0][None])
-    sequence = of_primitives(to_sequence(program))
+    sequence = of_primitives(_spell(program))
     rows = _rows_of(sequence) if sequence is not None and len(sequence) < policy.max_seq_len - 1 else None
     if rows is not None:
         written, outside = canonical_primitives(poses.place(rows)), None
@@ -120,9 +120,18 @@ def next_parts(policy: Policy, points: np.ndarray, program: Program, seed: int =
     move = policy.propose(seen, torch.Generator().manual_seed(2 * seed + 1), ASKED)
     common = move.part.common[:, 0].tolist()
     added = replace(move.part, positive=torch.ones_like(move.part.positive), common=torch.zeros_like(move.part.common))
-    parts = [signed[0].term for signed in to_signed(poses.back(added))]
+    parts = to_signed(poses.back(added))
     own = [step.term for step in to_sequence(program) if step.positive and isinstance(step.term, Primitive)][:HELD]
-    return [p for part, is_common in zip(parts, common, strict=True) for p in (_held_by(part, own) if is_common else [part])]
+    drawn = [(step.term, is_common) for steps, is_common in zip(parts, common, strict=True) for step in steps]
+    return [p for part, is_common in drawn for p in (_held_by(part, own) if is_common else [part])]
+
+
+def _spell(program: Program) -> SignedSequence[Program]:
+    """As `to_sequence`, with the intersections on the way as steps."""
+    first, *rest = to_sequence(program, apart=True)
+    if not isinstance(first.term, Combine) or first.term.op != "intersection":
+        return (first, *rest)
+    return (*_spell(first.term.left), Step("intersection", first.term.right), *rest)
 
 
 def _rows_of(sequence: SignedSequence[Primitive]) -> Solids | None:
