@@ -108,7 +108,7 @@ class SideProcess(Generic[T]):
         received = 0
         while self._stream is not None:
             try:
-                item = _Reader(self._stream, self._known).load()
+                item = _KnownUnpickler(self._stream, self._known).load()
             except (EOFError, pickle.UnpicklingError):
                 break
             if item is None:
@@ -143,7 +143,7 @@ def map_beside(compute: Callable[[S], T], items: Sequence[S], known: Sequence[ob
     return [found[i] if i in found else compute(item) for i, item in enumerate(items)]
 
 
-class _Writer(pickle.Pickler):
+class _KnownPickler(pickle.Pickler):
     """Writes what the reader knows as its number."""
 
     def __init__(self, stream: IO[bytes], known: Sequence[object]) -> None:
@@ -154,8 +154,8 @@ class _Writer(pickle.Pickler):
         return self._number.get(id(obj))
 
 
-class _Reader(pickle.Unpickler):
-    """Reads what a `_Writer` has written that knows the same."""
+class _KnownUnpickler(pickle.Unpickler):
+    """Reads what a `_KnownPickler` has written that knows the same."""
 
     def __init__(self, stream: IO[bytes], known: Sequence[object]) -> None:
         super().__init__(stream)
@@ -172,8 +172,8 @@ def _send(generate: Callable[[bool], Iterator[object]], to: int, known: Sequence
         _ALONE.set(True)  # the other core is the parent's
         with os.fdopen(to, "wb") as stream:
             for item in generate(True):
-                _Writer(stream, known).dump((item,))
+                _KnownPickler(stream, known).dump((item,))
                 stream.flush()
-            _Writer(stream, ()).dump(None)
+            _KnownPickler(stream, ()).dump(None)
     finally:
         os._exit(0)  # on a signal and an error too: nothing of the parent's is closed or told here, and who waits does what is missing

@@ -23,6 +23,7 @@ from imdim.data.outlines import (
     family_of,
     form_of,
     from_outline,
+    mask_shares,
     measure_outlines,
     mirror,
     on_outlines,
@@ -31,7 +32,6 @@ from imdim.data.outlines import (
     rounding,
     to_outline,
     turn,
-    used_shares,
 )
 from imdim.data.solids import (
     BOX,
@@ -206,14 +206,14 @@ def test_the_same_outline_has_one_form():
 def test_shares_that_are_used_are_those_that_change_the_solid(family):
     code, base = form(family), (0.3, 0.4, 0.5)
     for turned in (False, True):
-        used = used_shares(torch.tensor([code]), torch.tensor([turned]))[0].tolist()
+        used = mask_shares(torch.tensor([code]), torch.tensor([turned]))[0].tolist()
         assert used == [k < SHARES_OF.get(family, 0) for k in range(2)] + [turned]
         points = torch.rand(1, 4000, 3, generator=generator(), dtype=torch.float64) * 2.4 - 1.2
         for k, is_used in enumerate(used):
             more = tuple(v + 0.2 * (i == k) for i, v in enumerate(base))
             one, other = (part(REVOLVE if turned else EXTRUDE, family, shares) for shares in (base, more))
             assert bool((holds(one, points) != holds(other, points)).any()) == is_used
-    assert not used_shares(torch.tensor([NO_FORM]), torch.tensor([True])).any()
+    assert not mask_shares(torch.tensor([NO_FORM]), torch.tensor([True])).any()
 
 
 @NAMED
@@ -342,7 +342,7 @@ def test_canonical_numbers_forget_how_an_outline_was_written(over):
     forms = torch.where(spun[:, None], forms, turn(forms, quarters[:, None]))
     flipped = (~spun & (quarters % 2 == 1))[:, None, None]
     sizes = torch.where(flipped, raw.sizes[..., [1, 0, 2]], raw.sizes)
-    unused = ~used_shares(forms, raw.kinds == REVOLVE) * 0.7
+    unused = ~mask_shares(forms, raw.kinds == REVOLVE) * 0.7
     other = replace(raw, rotations=raw.rotations @ about[:, None], forms=forms, shares=shares + unused, sizes=sizes)
     points = torch.rand(n, 400, 3, generator=generator(2), dtype=torch.float64) * 1.8 - 0.9
     assert torch.equal(holds(raw, points), holds(other, points))

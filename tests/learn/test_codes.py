@@ -8,7 +8,7 @@ import torch
 
 from imdim.data.canonical import canonical_primitives, shortest_from_z
 from imdim.data.dice import Dice
-from imdim.data.outlines import FORMS, NO_FORM, SIDES, Family, family_of, form_of, used_shares
+from imdim.data.outlines import FORMS, NO_FORM, SIDES, Family, family_of, form_of, mask_shares
 from imdim.data.solids import BOX, CONE, CYLINDER, EXTRUDE, NAMES, REVOLVE, Solids, holds, to_signed
 from imdim.data.synthesize import estimate_iou
 from imdim.geometry import kernels
@@ -170,7 +170,7 @@ def test_whatever_is_drawn_is_a_part_that_a_program_can_say():
     assert ((part.sizes[..., 0] > 0) & (part.sizes[..., 1] > 0)).all()
     family, form = family_of(part.forms[:, 0]), part.forms[:, 0]
     polygon = torch.isin(family, torch.tensor([int(f) for f in SIDES]))
-    assert (part.shares[:, 0][~used_shares(form, kinds == REVOLVE)] == 0).all()
+    assert (part.shares[:, 0][~mask_shares(form, kinds == REVOLVE)] == 0).all()
     assert torch.equal(part.sizes[polygon & (kinds == EXTRUDE), 0, 0], part.sizes[polygon & (kinds == EXTRUDE), 0, 1])
     exact = replace(part, **{n: getattr(part, n).double() for n in ("centers", "sizes", "rotations", "shares")})
     reach = torch.linalg.vector_norm(exact.sizes, dim=-1)

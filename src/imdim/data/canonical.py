@@ -14,7 +14,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
-from imdim.data.outlines import mirror, turn, used_shares
+from imdim.data.outlines import mask_shares, mirror, turn
 from imdim.data.solids import ABSENT, BOX, CONE, CYLINDER, EXTRUDE, REVOLVE, TORUS, Solids
 from imdim.data.surfaces import volumes
 
@@ -59,7 +59,7 @@ def _canonical_outlines(solids: Solids, side: Tensor, down: Tensor) -> Solids:
     sizes = torch.where((quarters % 2 == 1)[..., None], solids.sizes[..., [1, 0, 2]], solids.sizes)
     rotations = torch.where(extruded[..., None, None], spun, solids.rotations)
     forms = turn(forms, quarters)
-    shares = torch.where(used_shares(forms, solids.kinds == REVOLVE), shares, 0.0)
+    shares = torch.where(mask_shares(forms, solids.kinds == REVOLVE), shares, 0.0)
     return replace(solids, forms=forms, shares=shares, sizes=sizes, rotations=rotations)
 
 

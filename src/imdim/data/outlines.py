@@ -61,7 +61,7 @@ def quarter_of(form: Tensor) -> Tensor:
     return (form - 1).clamp_min(0) % QUARTERS
 
 
-def used_shares(form: Tensor, turned: Tensor) -> Tensor:
+def mask_shares(form: Tensor, turned: Tensor) -> Tensor:
     """Which shares [..., 3] mean something for forms [...], of which some are `turned` about an axis."""
     own = _table([SHARES_OF.get(f, 0) for f in Family], form)[family_of(form)] * (form != NO_FORM)
     first = own[..., None] > torch.arange(2, device=form.device)
@@ -89,7 +89,6 @@ def corners(form: Tensor, shares: Tensor, half: Tensor) -> Tensor:
     odd = (quarter % 2 == 1)[..., None]
     w, h = torch.where(odd, half.flip(-1), half).unbind(-1)
     a, b = shares[..., 0] * 2, shares[..., 1] * 2 * h - h
-    zero = torch.zeros_like(w)
     stem, wall, inner = a / 2 * w, a * w - w, w - a * w
     shapes = {
         Family.ROUNDED: [(-w, -h), (w, -h), (w, h), (-w, h)],
@@ -99,7 +98,7 @@ def corners(form: Tensor, shares: Tensor, half: Tensor) -> Tensor:
     }
     for polygon, n in SIDES.items():
         angles = [_first_angle(n) + 2 * math.pi * k / n for k in range(n)]
-        shapes[polygon] = [(half[..., 0] * math.cos(t) + zero, half[..., 0] * math.sin(t) + zero) for t in angles]
+        shapes[polygon] = [(half[..., 0] * math.cos(t), half[..., 0] * math.sin(t)) for t in angles]
     each = [torch.stack([torch.stack(p, -1) for p in _filled(shapes[f])], -2) for f in Family]
     places = torch.zeros_like(each[0])
     for f, made in zip(Family, each, strict=True):

@@ -20,7 +20,7 @@ from torch import Tensor
 from torch.nn.functional import one_hot
 
 from imdim.data.canonical import shortest_from_z
-from imdim.data.outlines import NO_FORM, SHARES, Family, family_of, used_shares
+from imdim.data.outlines import NO_FORM, SHARES, Family, family_of, mask_shares
 from imdim.data.solids import BOX, CONE, CYLINDER, EXTRUDE, REVOLVE, SPHERE, TORUS, Solids
 from imdim.learn.rotations import ROTATION_CODES
 
@@ -69,7 +69,7 @@ class Choices:
         always = torch.ones_like(cornered)
         free = (self.turn == FREE)[:, None] & torch.cat([needed, always, always, cornered], 1)
         form = torch.where(kinds >= EXTRUDE, self.form, NO_FORM)
-        return torch.cat([free, (kinds == CONE)[:, None], used_shares(form, kinds == REVOLVE)], 1)
+        return torch.cat([free, (kinds == CONE)[:, None], mask_shares(form, kinds == REVOLVE)], 1)
 
     def as_drawn(self) -> Choices:
         """Zero where the turn leaves nothing to choose: the bins of rotations and sizes along the axes."""
@@ -155,7 +155,7 @@ def decode(kinds: Tensor, signs: Tensor, choices: Choices, low: Tensor, edges: T
     drawn = kinds >= EXTRUDE
     # an outline needs a form
     form = torch.where(drawn, choices.form.clamp_min(1), NO_FORM)
-    shares = torch.where(used_shares(form, kinds == REVOLVE), numbers[:, TAPER + 1 :].clamp(0, MOST_SHARE), 0.0)
+    shares = torch.where(mask_shares(form, kinds == REVOLVE), numbers[:, TAPER + 1 :].clamp(0, MOST_SHARE), 0.0)
     bars = (family_of(form) >= Family.ELL)[:, None] & (torch.arange(SHARES, device=kinds.device) < 2)
     shares = torch.where(bars, shares.clamp_min(LEAST_BAR), shares)
     family = family_of(form)

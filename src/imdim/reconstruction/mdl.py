@@ -210,8 +210,12 @@ class _NoisyCloud:
     def _retraced(self, found: Sequence[Primitive], deadline: Deadline) -> Iterator[Primitive]:
         """Outlines, each fitted as if it were all there is, drawn anew through the points beside it."""
 
+        late = False
+
         def drawn_anew(part: Primitive) -> list[Primitive]:
-            if deadline.has_passed():
+            nonlocal late
+            late = late or deadline.has_passed()
+            if late:
                 return []
             likely = maximise_likelihood(part, self.quick[::FEWER], self._noise, FIRST, deadline)
             near = np.abs(kernels.program_sdf(likely.program, self.quick)) < OWN * self.sigma

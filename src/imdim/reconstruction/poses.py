@@ -49,6 +49,7 @@ class Poses:
             centers=((solids.centers.double() @ turn - middle[:, None]) * scale[:, None, None]).float(),
             sizes=(solids.sizes.double() * scale[:, None, None]).float(),
             rotations=(turn.mT[:, None] @ solids.rotations.double()).float(),
+            shares=solids.shares.float(),
         )
 
     def back(self, solids: Solids) -> Solids:

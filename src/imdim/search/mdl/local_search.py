@@ -100,8 +100,14 @@ def _rank(
 ) -> list[tuple[S, float]]:
     """What becomes of the foremost trials, the best first; where there is no time to fit them all, of those that are fitted if `some` are
     enough, and nothing otherwise."""
-    fitted: list[S] = []
-    for found in stage.each(lambda trial: None if deadline.has_passed() else stage.fit(trial), trials[: stage.most]):
+    fitted, late = list[S](), False
+
+    def fit(trial: S) -> Sequence[S] | None:
+        nonlocal late
+        late = late or deadline.has_passed()  # a deadline that has passed is not asked again
+        return None if late else stage.fit(trial)
+
+    for found in stage.each(fit, trials[: stage.most]):
         if found is None:
             if not some:
                 return []
