@@ -65,10 +65,10 @@ def in_place_of_two(
     yield from in_place_of(itertools.permutations(places, 2), term, start)
 
 
-def in_place_of(pairs: Iterable[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:
-    """The term in the place of the first of two steps, without the second, unless a cut would come first."""
-    for i, j in pairs:
-        choice = tuple(Step(op, term if at == i else old) for at, (op, old) in enumerate(start) if at != j)
+def in_place_of(some: Iterable[tuple[int, ...]], term: int, start: Choice) -> Iterator[Choice]:
+    """The term in the place of the first of some steps, without the others, unless a cut would come first."""
+    for i, *gone in some:
+        choice = tuple(Step(op, term if at == i else old) for at, (op, old) in enumerate(start) if at not in gone)
         if choice[0].positive:
             yield choice
 

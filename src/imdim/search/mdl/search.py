@@ -32,12 +32,15 @@ from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.candidates.blind_hole import blind_holes
 from imdim.search.mdl.candidates.copies import CopyPlaces
 from imdim.search.mdl.candidates.drawn import redraw, retrace
+from imdim.search.mdl.candidates.half_round import half_rounds
 from imdim.search.mdl.candidates.outline_step import step_lines
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
+from imdim.search.mdl.candidates.shortened import shortened
 from imdim.search.mdl.candidates.span import prolong, slots, span
 from imdim.search.mdl.candidates.step import stepped
+from imdim.search.mdl.candidates.tip import tips
 from imdim.search.mdl.copying import Copying, CopySource, put_in
 from imdim.search.mdl.description_length import PARALLEL_DEG, count_told, length_of
 from imdim.search.mdl.local_search import Choice, FittingStage, improvements, merge
@@ -383,13 +386,17 @@ class _Changes:
         chosen = map_terms(choice, parts.__getitem__)
         return _Trial(replace(best, program=to_program(chosen)), choice, tuple(part for _, part in chosen), before)
 
-    def _spans(self, best: FittedProgram, steps: SignedSequence[Program]) -> dict[Primitive, list[tuple[int, int]]]:
-        """Parts that could do the work of two steps, with these; the first of the two is the one that each is made of."""
-        out: dict[Primitive, list[tuple[int, int]]] = {}
+    def _spans(self, best: FittedProgram, steps: SignedSequence[Program]) -> dict[Primitive, list[tuple[int, ...]]]:
+        """Parts that could do the work of several steps, with these; the first of them is the one that each is made of."""
+        out: dict[Primitive, list[tuple[int, ...]]] = {}
         for i, (op, part) in enumerate(steps):
             others = [j for j, other in enumerate(steps) if j != i and other.op == op]
-            if not isinstance(part, Primitive) or not others:
+            if not isinstance(part, Primitive):
                 continue
+            if op == "union":
+                cuts = {j: p for j, (did, p) in enumerate(steps) if j > i and did == "difference" and isinstance(p, Primitive)}
+                for short, gone in shortened(part, cuts, best.noise.sigma):
+                    out.setdefault(short, []).append((i, *gone))
             for long in prolong(part, self.cloud) if op == "difference" else ():
                 out.setdefault(long, []).extend((i, j) for j in others)
             for j in others:
@@ -437,16 +444,17 @@ class _Changes:
     def _guesses_from(self, part: Primitive, op: Op, own: np.ndarray, value: np.ndarray, sigma: float) -> list[Program]:
         """Other shapes for the `own` points, by mask [n], of a part, and what might be missing in it; all points have distances `value` [n]
         from the program."""
-        cloud, out = self.cloud, list[Program]()
-        out += [*trim(part, cloud.points[own]), *alternatives(cloud.points[own], self.axes, cloud), *_taper(part)]
-        out += [*stadiums(part, sigma), *redraw(part), *blind_holes(part, cloud.points, sigma)]
-        own_points = cloud.points[own]
+        cloud, own_points, out = self.cloud, self.cloud.points[own], list[Program]()
+        others = alternatives(own_points, self.axes, cloud)
+        out += [*trim(part, own_points), *others, *_taper(part)]
+        out += [*stadiums(part, sigma), *redraw(part), *blind_holes(part, cloud.points, sigma), *tips(part, cloud, sigma)]
         two = [*stepped(part, own_points, sigma), *step_lines(part, own_points, sigma)] if self.steps else []
         self._stepped.update(two)
         out += two
         if op == "difference":
             out += slots(part, cloud)
         if op == "union" and own.any():
+            out += [cut for round_part in (part, *others) for cut in half_rounds(round_part, own_points, self.axes, sigma)]
             out += [*_hollow(part, value[own], cloud, min(cloud.noise, sigma)), *rims(part, cloud.points, sigma)]
         return out
 

@@ -30,7 +30,7 @@ def prolong(cut: Primitive, cloud: Cloud) -> Iterator[Primitive]:
         bottom, top = min(-half, float(beyond[0, k])), max(half, float(beyond[1, k]))
         for low, high in dict.fromkeys([(bottom, half), (-half, top), (bottom, top)]):
             if high - low > cut.size[slot] + out:
-                yield _with_ends(cut, rotation, k, slot, low, high)
+                yield with_ends(cut, rotation, k, slot, low, high)
 
 
 def slots(hole: Primitive, cloud: Cloud) -> Iterator[Primitive]:
@@ -61,11 +61,12 @@ def span(a: Primitive, b: Primitive, near: float) -> Primitive | None:
         across = [j for j in range(3) if j != k]
         if (np.abs(apart[across]) + np.abs(mine - other)[across] < near).all():
             low, high = min(-mine[k], apart[k] - other[k]), max(mine[k], apart[k] + other[k])
-            return _with_ends(a, rotation, k, slot, float(low), float(high))
+            return with_ends(a, rotation, k, slot, float(low), float(high))
     return None
 
 
-def _with_ends(part: Primitive, rotation: np.ndarray, k: int, slot: int, low: float, high: float) -> Primitive:
+def with_ends(part: Primitive, rotation: np.ndarray, k: int, slot: int, low: float, high: float) -> Primitive:
+    """The part between two places along its axis k, which has that place in its size, seen from its middle."""
     size = np.array(part.size, float)
     size[slot] = high - low
     return resize(part, size, np.array(part.center) + (low + high) / 2 * rotation[:, k])
