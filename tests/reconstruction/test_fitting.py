@@ -7,6 +7,7 @@ from tests.planted import box, cut, cylinder, union
 from imdim.geometry.sampling import surface_points
 from imdim.numbers.em import maximise_likelihood
 from imdim.numbers.likelihood import Noise
+from imdim.numbers.measured import measure
 from imdim.program.constraints import Constraint, Ref
 from imdim.program.tree import leaves
 from imdim.reconstruction.fitting import _keep_likely, find_relations, snap_measured
@@ -42,7 +43,7 @@ def test_leaves_whose_rounding_the_points_refuse_together_stay_as_they_were_meas
     measured = union(box(40.02, 30.01, 6), cylinder(8.01, 20, (0.0, 0.0, 7.0)))
     points = cloud(measured)
     wrong, right = box(40, 31, 6), cylinder(8, 20, (0.0, 0.0, 7.0))
-    plate, boss = leaves(_keep_likely(measured, union(wrong, right), points, Noise(SIGMA)))
+    plate, boss = leaves(_keep_likely(measured, union(wrong, right), points, measure(measured, points, np.zeros((0, 18)))))
     assert plate == next(leaves(measured))
     assert boss == right
 

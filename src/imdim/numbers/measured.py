@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -43,12 +44,19 @@ class Measured:
     def _precision(self) -> np.ndarray:
         return np.linalg.pinv(self.covariance, rcond=DEPENDENT, hermitian=True)
 
+    def count_told(self, leaves: Sequence[int]) -> int:
+        """How many numbers of some leaves the points show apart from one another: those that a relation ties to others, and those of what
+        shows nowhere, are none."""
+        own = [9 * leaf + k for leaf in leaves for k in range(9)]
+        own += [column for leaf, outline, at in self.start.outlines if leaf in leaves for column in range(at, at + outline.count)]
+        return int(np.linalg.matrix_rank(self.covariance[np.ix_(own, own)], hermitian=True)) if own else 0
+
     def half_width_along(self, way: np.ndarray) -> float:
-        """Half of the 95 % interval of a move of several coordinates at once along `way` [p], all others as they are; infinite where no
-        points show it, and where relations hold all of them."""
+        """Half of the 95 % interval of a move of several coordinates at once along `way` [p], all others as they are, but for those that
+        relations take along, as a share of `way`; infinite where no points show it, and where relations hold all of them."""
         own = self.free @ (self.free.T @ way)
         known = float(own @ self._precision @ own)
-        return NORMAL_95 / math.sqrt(known) if known > 0 else math.inf
+        return NORMAL_95 / math.sqrt(known) * float(own @ way) / float(way @ way) if known > 0 else math.inf
 
     def half_widths(self, slopes: np.ndarray) -> np.ndarray:
         """Half of the 95 % interval of each number with these derivatives [n, p], in its units; infinite where no points show it, and where

@@ -14,8 +14,8 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
 from imdim.numbers.information import Coordinates
-from imdim.numbers.likelihood import Noise, negative_log_density
-from imdim.numbers.measured import measure
+from imdim.numbers.likelihood import negative_log_density
+from imdim.numbers.measured import Measured, measure
 from imdim.numbers.measured_leaves import MeasuredLeaves
 from imdim.numbers.refine import RefineConfig, refine
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
@@ -27,7 +27,6 @@ from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import is_same
 from imdim.relations.discover import exact_relations, hold_constraints
 from imdim.relations.residuals import holding, rows_of
-from imdim.search.mdl.description_length import count_own
 from imdim.target.target import Target
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
@@ -118,23 +117,24 @@ def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndar
         return measured
     config = SnapConfig(max_move=ROUNDED, equalise=False)
     snapped = bounds.round_sizes(snap(measured, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))
-    return _keep_likely(measured, snapped, shown, known.noise, deadline)
+    return _keep_likely(measured, snapped, shown, known, deadline)
 
 
-def _keep_likely(measured: Program, snapped: Program, points: np.ndarray, noise: Noise, deadline: Deadline = NEVER) -> Program:
+def _keep_likely(measured: Program, snapped: Program, points: np.ndarray, known: Measured, deadline: Deadline = NEVER) -> Program:
     """The `measured` program with as many of the `snapped` leaves as its points [n, 3] allow, all or none past the deadline.
 
     At the true numbers twice the logarithm of the likelihood is less than at the likeliest by a chi-squared number of as many degrees as
-    there are numbers (Wilks 1938). That each is within its own interval does not say that all are together.
+    there are numbers that the points tell, each relation one less (Wilks 1938). That each is within its own interval does not say that
+    all are together.
     """
-    old, new = list(leaves(measured)), list(leaves(snapped))
+    old, new, noise = list(leaves(measured)), list(leaves(snapped)), known.noise
     best = negative_log_density(measured, points, noise, SAMPLED)
 
     def put(program: Program, index: int) -> Program:
         return map_leaves(program, lambda i, leaf: new[i] if i == index else leaf)
 
     def is_likely(trial: Program) -> bool:
-        rounded = sum(count_own(leaf) for leaf, before in zip(leaves(trial), old, strict=True) if leaf != before)
+        rounded = known.count_told([i for i, (leaf, before) in enumerate(zip(leaves(trial), old, strict=True)) if leaf != before])
         lost = negative_log_density(trial, points, noise, SAMPLED) - best
         return lost <= _chi_squared_95(rounded) / (2 * len(points)) + DOUBT
 

@@ -38,7 +38,7 @@ from imdim.search.mdl.candidates.residual import alternatives, hollows, missing,
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
 from imdim.search.mdl.candidates.shortened import shortened
-from imdim.search.mdl.candidates.span import prolong, slots, span
+from imdim.search.mdl.candidates.span import layers, prolong, slots, span
 from imdim.search.mdl.candidates.step import stepped
 from imdim.search.mdl.candidates.tip import tips
 from imdim.search.mdl.copying import Copying, CopySource, put_in
@@ -389,6 +389,10 @@ class _Changes:
     def _spans(self, best: FittedProgram, steps: SignedSequence[Program]) -> dict[Primitive, list[tuple[int, ...]]]:
         """Parts that could do the work of several steps, with these; the first of them is the one that each is made of."""
         out: dict[Primitive, list[tuple[int, ...]]] = {}
+        for wanted in ("union", "difference"):
+            boxes = {i: p for i, (op, p) in enumerate(steps) if op == wanted and isinstance(p, Primitive) and p.kind == "box"}
+            for box, those in layers(boxes, ALIKE * best.noise.sigma):
+                out.setdefault(box, []).append(those)
         for i, (op, part) in enumerate(steps):
             others = [j for j, other in enumerate(steps) if j != i and other.op == op]
             if not isinstance(part, Primitive):

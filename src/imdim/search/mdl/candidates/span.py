@@ -1,13 +1,14 @@
-"""One part in the place of two: a cut made so long that it goes through the part, and what spans two parts of the same section.
+"""One part in the place of others: a cut made so long that it goes through the part, what spans two parts of the same section, and the
+box about boxes that lie in one layer.
 
 A search that changes one part at a time does not get there: two short cuts from either side do what one does that goes through, and
-neither can be left out before the other is long.
+neither can be left out before the other is long. So it is with a floor of which each compartment has a piece.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -63,6 +64,33 @@ def span(a: Primitive, b: Primitive, near: float) -> Primitive | None:
             low, high = min(-mine[k], apart[k] - other[k]), max(mine[k], apart[k] + other[k])
             return with_ends(a, rotation, k, slot, float(low), float(high))
     return None
+
+
+def layers(boxes: Mapping[int, Primitive], near: float) -> Iterator[tuple[Primitive, tuple[int, ...]]]:
+    """The box about all of those boxes that have the same two faces across one of their axes, to within `near`, and the keys of these, the
+    first of them first."""
+    known = set[tuple[int, ...]]()
+    for key, first in boxes.items():
+        rotation = matrix_from_euler(first.rotation)
+        ends = {k: np.array(_ends_along(box, first, rotation)) for k, box in boxes.items() if _is_aligned(box, rotation)}
+        for axis in range(3):
+            level = [k for k in ends if k >= key and np.abs(ends[k][:, axis] - ends[key][:, axis]).max() < near]
+            if len(level) > 1 and tuple(level) not in known:
+                known.add(tuple(level))
+                low, high = np.min([ends[k][0] for k in level], axis=0), np.max([ends[k][1] for k in level], axis=0)
+                low[axis], high[axis] = np.median([ends[k][:, axis] for k in level], axis=0)
+                yield resize(first, high - low, np.array(first.center) + rotation @ ((low + high) / 2)), tuple(level)
+
+
+def _is_aligned(box: Primitive, rotation: np.ndarray) -> bool:
+    return bool(np.abs(rotation.T @ matrix_from_euler(box.rotation)).max(1).min() > LEVEL)
+
+
+def _ends_along(box: Primitive, first: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where a box that is aligned with the `first` begins and ends along its axes, seen from its middle, [3] each."""
+    order = np.abs(rotation.T @ matrix_from_euler(box.rotation)).argmax(1)
+    middle, half = rotation.T @ (np.array(box.center) - first.center), np.array(box.size)[order] / 2
+    return middle - half, middle + half
 
 
 def with_ends(part: Primitive, rotation: np.ndarray, k: int, slot: int, low: float, high: float) -> Primitive:
