@@ -73,6 +73,31 @@ def test_relations_hold_and_narrow_the_intervals():
     assert bound.half_widths(np.eye(9)[:1])[0] < 0.8 * free.half_widths(np.eye(9)[:1])[0]
 
 
+def test_a_place_that_relations_tie_is_known_as_all_its_faces_tell_it():
+    """It was known as many times worse as leaves were tied, and rounded by ten standard errors."""
+    row = union(*(box(8, 8, 8, (0.0, 20.0 * i, 0.0)) for i in range(4)))
+    tied = np.zeros((3, 36))
+    for i in range(3):
+        tied[i, 3], tied[i, 9 * i + 12] = 1.0, -1.0  # all in one plane across x
+    known, place = measure(row, cloud(row), tied), np.eye(36)[3]
+    alone = measure(row, cloud(row), np.zeros((0, 36)))
+    assert known.half_width_along(place) == pytest.approx(known.half_widths(place[None])[0], rel=0.1)
+    assert known.half_width_along(place) < 0.7 * alone.half_width_along(place)
+    assert known.half_width_along(5 * place) == pytest.approx(known.half_width_along(place) / 5)
+
+
+def test_tied_numbers_are_told_once():
+    pair = union(box(8, 8, 8), box(8, 8, 8, (0.0, 20.0, 0.0)))
+    tied = np.zeros((1, 18))
+    tied[0, 0], tied[0, 9] = 1.0, -1.0  # one width
+    points = cloud(pair)
+    assert measure(pair, points, np.zeros((0, 18))).count_told([0, 1]) == 18
+    known = measure(pair, points, tied)
+    assert known.count_told([0]) == 9
+    assert known.count_told([0, 1]) == 17
+    assert known.count_told([]) == 0
+
+
 def test_curvature_of_a_ball_and_of_a_flat_face():
     rng = np.random.default_rng(0)
     normals = rng.normal(size=(50, 3))

@@ -52,11 +52,16 @@ class Measured:
         return int(np.linalg.matrix_rank(self.covariance[np.ix_(own, own)], hermitian=True)) if own else 0
 
     def half_width_along(self, way: np.ndarray) -> float:
-        """Half of the 95 % interval of a move of several coordinates at once along `way` [p], all others as they are, but for those that
-        relations take along, as a share of `way`; infinite where no points show it, and where relations hold all of them."""
-        own = self.free @ (self.free.T @ way)
+        """Half of the 95 % interval of a move of several coordinates at once along `way` [p], as a share of it, all others as they are but
+        for those that relations take along; infinite where no points show it, and where relations hold all of them."""
+        return self.half_width_alone(way) / float(way @ way)
+
+    def half_width_alone(self, slope: np.ndarray) -> float:
+        """Half of the 95 % interval of a number with these derivatives [p] where what it does not depend on stays, but for what relations
+        take along; infinite where no points show it, and where relations hold it."""
+        own = self.free @ (self.free.T @ slope)
         known = float(own @ self._precision @ own)
-        return NORMAL_95 / math.sqrt(known) * float(own @ way) / float(way @ way) if known > 0 else math.inf
+        return NORMAL_95 / math.sqrt(known) * float(own @ slope) if known > 0 else math.inf
 
     def half_widths(self, slopes: np.ndarray) -> np.ndarray:
         """Half of the 95 % interval of each number with these derivatives [n, p], in its units; infinite where no points show it, and where

@@ -106,7 +106,7 @@ class MeasuredLeaves:
         """By how much numbers with these derivatives [n, p] may be rounded: one that is not known beside the others as far as it is known
         while they stay, and by no more than the noise hides."""
         half = self.known.half_widths(slopes)
-        alone = [self.known.half_width_along(way) * (way @ way) if np.isinf(wide) else wide for way, wide in zip(slopes, half, strict=True)]
+        alone = [self.known.half_width_alone(own) if np.isinf(wide) else wide for own, wide in zip(slopes, half, strict=True)]
         return np.where(np.isfinite(half), half, np.minimum(alone, self.known.noise.sigma))
 
     def _allows_outline(self, leaf: int, trial: Outline | None, own: Outline | None) -> bool:

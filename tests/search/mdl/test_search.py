@@ -249,6 +249,30 @@ def test_one_part_takes_the_place_of_two_but_no_cut_comes_first():
     start = tuple(Step(op, i) for i, op in enumerate(("union", "difference", "union", "difference")))
     pairs = [(1, 3), (3, 1), (0, 2), (2, 0)]
     assert [[step.term for step in choice] for choice in in_place_of(pairs, 9, start)] == [[0, 9, 2], [0, 2, 9], [9, 1, 3]]
+    assert [[step.term for step in choice] for choice in in_place_of([(0, 1, 3)], 9, start)] == [[9, 2]]
+
+
+def test_a_frame_that_was_drawn_as_high_as_its_posts_ends_where_cuts_took_it_down():
+    """Each of the three cuts was needed, and a lower frame alone left them without work: posts then had no room for their points."""
+    posts = [cylinder(3, 18, (x, y, 9.0)) for x in (-15.0, 15.0) for y in (-20.0, 20.0)]
+    frame = cut(box(32, 42, 11, (0.0, 0.0, 5.5)), box(26, 36, 30, (0.0, 0.0, 10.0)))
+    points = cloud(union(frame, *posts))
+    drawn = cut(
+        box(32, 42, 18, (0.0, 0.0, 9.0)),
+        box(26, 36, 30, (0.0, 0.0, 10.0)),
+        box(24, 60, 7.1, (0.0, 0.0, 14.6)),
+        box(40, 34, 7, (0.0, 0.0, 14.5)),
+    )
+    found = settled(union(drawn, *posts), points)
+    assert [p.kind for p in leaves(found.program)].count("box") == 2
+
+
+def test_a_floor_of_which_each_compartment_has_a_piece_is_one():
+    pockets = [box(18, 26, 30, (x, 0.0, 10.0)) for x in (-20.0, 0.0, 20.0)]
+    tray = cut(box(62, 30, 16, (0.0, 0.0, 8.0)), *(box(18, 26, 30, (x, 0.0, 17.0)) for x in (-20.0, 0.0, 20.0)))
+    pieces = [box(19 + i, 27 + i, 2 + 0.1 * i, (x, 0.2 * i, 1.0)) for i, x in enumerate((-20.0, 0.0, 20.0))]
+    found = settled(union(cut(box(62, 30, 16, (0.0, 0.0, 8.0)), *pockets), *pieces), cloud(tray))
+    assert sum(1 for _ in leaves(found.program)) <= 5
 
 
 def test_what_several_changes_win_is_won_in_one_round():

@@ -6,7 +6,7 @@ from tests.planted import box, cone, cylinder, sphere
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.tree import Primitive
-from imdim.search.mdl.candidates.span import prolong, span
+from imdim.search.mdl.candidates.span import layers, prolong, span
 from imdim.search.mdl.primitive_selection import Cloud
 
 BLOCK = Cloud.of(np.random.default_rng(0).uniform((-20, -15, -8), (20, 15, 8), (3000, 3)), 0.2)
@@ -51,3 +51,17 @@ def test_coaxial_cylinders_of_one_radius_are_spanned():
     assert span(cylinder(5, 4), cylinder(3, 6, (0.0, 0.0, 20.0)), 0.5) is None
     assert span(cylinder(5, 4), box(5, 5, 5), 0.5) is None
     assert span(sphere(3), sphere(3), 9.0) is None
+
+
+def test_pieces_of_a_floor_are_one_floor():
+    floor = {3: box(10, 12, 2, (-10.0, 0.0, 1.0)), 5: box(14, 12, 2.1, (0.0, 0.0, 1.0)), 8: box(2, 10, 10, (12.0, 1.0, 1.05), (0, 90, 0))}
+    wall = {9: box(30, 2, 12, (0.0, 8.0, 6.0))}
+    found = [(part, those) for part, those in layers({**floor, **wall}, 0.3) if those == (3, 5, 8)]
+    ((part, _),) = found
+    assert part.size == pytest.approx((32, 12, 2), abs=0.1)  # from -15 to 17
+    assert part.center == pytest.approx((1, 0, 1), abs=0.1)
+
+
+def test_boxes_in_no_common_layer_are_not_joined():
+    turned = box(10, 10, 2, (20.0, 0.0, 1.0), (0.0, 0.0, 30.0))
+    assert not list(layers({0: box(10, 10, 2), 1: box(12, 9, 3, (3.0, 4.0, 5.0)), 2: turned}, 0.3))

@@ -32,7 +32,9 @@ def shortened(part: Primitive, cuts: Mapping[int, Primitive], sigma: float) -> I
         spans = {key: span for key, cut in cuts.items() if (span := _span_along(cut, rotation[:, k], part)) is not None}
         for sign in (1, -1):
             floors = {
-                key: min(sign * low, sign * high) for key, (low, high) in spans.items() if max(sign * low, sign * high) > half - OPEN * sigma
+                key: min(sign * low, sign * high)
+                for key, (low, high) in spans.items()
+                if max(sign * low, sign * high) > half - OPEN * sigma
             }
             floors = {key: floor for key, floor in floors.items() if -half + LEAST * sigma < floor < half - LEAST * sigma}
             for level in sorted(floors.values()):

@@ -21,7 +21,7 @@ from imdim.search.mdl.primitive_selection import Cloud
 FEWEST = 12  # points about an end
 LONGEST = 3.0  # radii by which a tip begins before the end of the cylinder, or goes beyond it
 PLACES = 17  # of where a tip may begin, and where it may end
-MOST = 600  # points that are looked at
+MOST = 300  # points that are looked at
 WIDTHS = 0.0, 0.5, 1.5  # radii of a cone's far end
 BEYOND = 3.0  # deviations of the noise, beyond which a point is as good as any other
 SHORTEST = 2.0  # deviations of the noise, of a tip
@@ -43,12 +43,22 @@ class _End(NamedTuple):
     @property
     def places(self) -> np.ndarray:
         """Where a tip may begin or end."""
-        reach = LONGEST * self.radius
-        return np.linspace(max(self.half - reach, -self.half), self.half + reach, PLACES)
+        return np.linspace(self.low, self.half + LONGEST * self.radius, PLACES)
 
-    def badness(self, far: np.ndarray) -> np.ndarray:
-        """Of models [m] from which the points lie so `far`, [m, n]: half their squared distances in deviations of the noise."""
-        return self.each * (np.minimum((far / self.sigma) ** 2, BEYOND**2) / 2).sum(-1)
+    @property
+    def low(self) -> float:
+        """Where what is looked at begins."""
+        return max(self.half - LONGEST * self.radius, -self.half)
+
+    def badness(self, far: np.ndarray, area: np.ndarray) -> np.ndarray:
+        """How many nats the points take with surfaces [m] from which they lie so `far`, [m, n]: the larger the `area` [m] over which they
+        are spread, the more, as a share of that of the cylinder; a point that none explains takes as much everywhere."""
+        spread = np.log(np.maximum(area, 1e-9) / (2 * np.pi * self.radius * (self.half - self.low) + np.pi * self.radius**2))
+        return self.each * np.minimum((far / self.sigma) ** 2 / 2 + spread[:, None], BEYOND**2 / 2).sum(-1)
+
+    def side_area(self, until: np.ndarray) -> np.ndarray:
+        """Of the side of the cylinder as far as some places."""
+        return 2 * np.pi * self.radius * (until - self.low)
 
 
 def tips(part: Primitive, cloud: Cloud, sigma: float) -> Iterator[Program]:
@@ -68,7 +78,7 @@ def tips(part: Primitive, cloud: Cloud, sigma: float) -> Iterator[Program]:
             continue
         some = subsample(np.column_stack([rho, z])[here], MOST)
         end = _End(*some.T, radius, height / 2, sigma, here.sum() / len(some))
-        flat = float(end.badness(_from_flat(end, end.places)).min())
+        flat = float(end.badness(_from_flat(end, end.places), end.side_area(end.places) + np.pi * radius**2).min())
         for begin, tip, bad in (_best_cone(end), _best_ball(end)):
             if bad < flat - WORTH * NUMBERS * 0.5 * math.log(len(cloud.points)):
                 yield _with_tip(part, rotation, sign, begin, tip)
@@ -88,7 +98,8 @@ def _best_cone(end: _End) -> tuple[float, tuple[float, float], float]:
     begin, until, wide = begin[proper], until[proper], wide[proper]
     far = np.minimum(_from_segment(end, begin, np.full(len(begin), -np.inf), end.radius), _from_slant(end, begin, until, wide))
     cap = np.hypot(end.z[None] - until[:, None], np.maximum(end.rho[None] - wide[:, None], 0.0))
-    bad = end.badness(np.minimum(far, cap))
+    slant = np.pi * (end.radius + wide) * np.hypot(wide - end.radius, until - begin)
+    bad = end.badness(np.minimum(far, cap), end.side_area(begin) + slant + np.pi * wide**2)
     best = int(bad.argmin())
     return float(begin[best]), (float(until[best] - begin[best]), float(wide[best])), float(bad[best])
 
@@ -102,21 +113,19 @@ def _from_segment(end: _End, until: np.ndarray, since: np.ndarray, radius: float
 def _from_slant(end: _End, begin: np.ndarray, until: np.ndarray, wide: np.ndarray) -> np.ndarray:
     """How far the points lie from the slanted side between the cylinder's end `begin` [m] and the radius `wide` [m] at `until`, [m, n]."""
     across, along = wide - end.radius, until - begin
-    share = ((end.rho[None] - end.radius) * across[:, None] + (end.z[None] - begin[:, None]) * along[:, None]) / (
-        across**2 + along**2
-    )[:, None]
+    share = ((end.rho[None] - end.radius) * across[:, None] + (end.z[None] - begin[:, None]) * along[:, None]) / (across**2 + along**2)[
+        :, None
+    ]
     share = np.clip(share, 0.0, 1.0)
-    return np.hypot(
-        end.rho[None] - end.radius - share * across[:, None], end.z[None] - begin[:, None] - share * along[:, None]
-    )
+    return np.hypot(end.rho[None] - end.radius - share * across[:, None], end.z[None] - begin[:, None] - share * along[:, None])
 
 
 def _best_ball(end: _End) -> tuple[float, None, float]:
     """Where the middle of a half ball as wide as the cylinder lies, and how bad it is."""
-    begin = np.linspace(max(end.half - LONGEST * end.radius, -end.half), end.half + end.radius, 2 * PLACES)
+    begin = np.linspace(end.low, end.half + end.radius, 2 * PLACES)
     ball = np.abs(np.hypot(end.rho[None], end.z[None] - begin[:, None]) - end.radius)
     side = _from_segment(end, begin, np.full(len(begin), -np.inf), end.radius)
-    bad = end.badness(np.where(end.z[None] > begin[:, None], ball, side))
+    bad = end.badness(np.where(end.z[None] > begin[:, None], ball, side), end.side_area(begin) + 2 * np.pi * end.radius**2)
     best = int(bad.argmin())
     return float(begin[best]), None, float(bad[best])
 
