@@ -77,7 +77,7 @@ def tips(part: Primitive, cloud: Cloud, sigma: float) -> Iterator[Program]:
         if here.sum() < FEWEST:
             continue
         some = subsample(np.column_stack([rho, z])[here], MOST)
-        end = _End(*some.T, radius, height / 2, sigma, here.sum() / len(some))
+        end = _End(some[:, 0], some[:, 1], radius, height / 2, sigma, here.sum() / len(some))
         flat = float(end.badness(_from_flat(end, end.places), end.side_area(end.places) + np.pi * radius**2).min())
         for begin, tip, bad in (_best_cone(end), _best_ball(end)):
             if bad < flat - WORTH * NUMBERS * 0.5 * math.log(len(cloud.points)):
