@@ -13,7 +13,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.numbers.design_values import NORMAL_95
 from imdim.numbers.information import Coordinates, bends_of, inform, measure_spread
-from imdim.numbers.likelihood import Noise, SurfaceSamples
+from imdim.numbers.likelihood import Noise, SurfaceSamples, expectation_step
 from imdim.program.tree import Program
 
 MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation
@@ -25,6 +25,9 @@ LEAST = 0.05  # points that must show it to say how well it is known
 SHOWN = 1e-3  # share of a number that may lie in directions that are not shown
 DEPENDENT = 1e-9  # singular values of relations, relative to the largest
 SAMPLES = 16_000  # of the surface
+FINE = 0.05  # of the spacing of samples, below which they do not tell the noise of points between them
+NOISE_ROUNDS, NOISE_SETTLED = 20, 5e-4  # steps to the likeliest noise, and the share of it by which the last one moves
+ONE_SIDED_95 = 1.644854  # standard deviations, that a normal number is above one time in twenty
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: De
     start = Coordinates.of(program)
     basis = _null_space(np.concatenate([rows, np.eye(start.count)[start.twice]]), start.count)
     length = float(np.linalg.norm(np.ptp(points, axis=0)))
-    noise = _calm(program, points)
+    noise = noise_beside(program, points)
     shift, at = np.zeros(basis.shape[1]), program
     covariance, hidden = np.zeros((len(shift), len(shift))), np.eye(len(shift))
     for done in range(max(rounds, 1)):
@@ -112,9 +115,21 @@ def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: De
     return Measured(start, at, basis @ shift, basis @ covariance @ basis.T, basis, basis @ hidden, noise)
 
 
-def _calm(program: Program, points: np.ndarray) -> Noise:
-    """The noise by the distances of the points."""
-    return Noise(max(MAD * float(np.median(np.abs(kernels.program_sdf(program, points)))), 1e-9))
+def noise_beside(program: Program, points: np.ndarray) -> Noise:
+    """The likeliest noise of points [n, 3] beside a program that stays as it is.
+
+    By the distances of the points alone both skins of a thin wall would have too little of it, since each point is told to be the nearer
+    one's. That is where it begins, and where it ends if samples of the surface lie too far apart to tell more.
+    """
+    noise = Noise(max(MAD * float(np.median(np.abs(kernels.program_sdf(program, points)))), 1e-9))
+    for _ in range(NOISE_ROUNDS):
+        shown = SurfaceSamples.of(program, noise.sigma, SAMPLES)
+        if not len(shown.points) or noise.sigma < FINE * shown.spacing:
+            break
+        before, noise = noise, expectation_step(points, shown, noise).noise
+        if abs(noise.sigma - before.sigma) < NOISE_SETTLED * noise.sigma:
+            break
+    return noise
 
 
 def _null_space(rows: np.ndarray, count: int) -> np.ndarray:
@@ -124,3 +139,9 @@ def _null_space(rows: np.ndarray, count: int) -> np.ndarray:
     _, values, vectors = np.linalg.svd(rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None])
     rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
     return vectors[rank:].T
+
+
+def chi_squared_95(degrees: int) -> float:
+    """What a chi-squared number is above one time in twenty (Wilson & Hilferty 1931)."""
+    spread = 2 / (9 * max(degrees, 1))
+    return degrees * (1 - spread + ONE_SIDED_95 * math.sqrt(spread)) ** 3

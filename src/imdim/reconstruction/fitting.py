@@ -15,11 +15,12 @@ from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
 from imdim.numbers.information import Coordinates
 from imdim.numbers.likelihood import negative_log_density
-from imdim.numbers.measured import Measured, measure
+from imdim.numbers.measured import Measured, chi_squared_95, measure, noise_beside
 from imdim.numbers.measured_leaves import MeasuredLeaves
 from imdim.numbers.refine import RefineConfig, refine
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
+from imdim.numbers.wall_ties import tie_walls
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.cost import count
 from imdim.program.tree import Program, leaves, map_leaves
@@ -39,7 +40,6 @@ HOLD_TRIES = 24  # programs that are made to find which relations hold beside ro
 LIKELY_TRIES = 24  # programs that are made to find which rounded leaves the points allow together
 SAMPLED = 40_000  # samples of a surface, by which programs of the same points are compared
 DOUBT = 2e-3  # nats per point, what these leave in doubt
-ONE_SIDED_95 = 1.644854  # standard deviations, that a normal number is above one time in twenty
 
 Related = tuple[Program, tuple[Constraint, ...]]  # a program and what holds for it
 
@@ -106,11 +106,14 @@ def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndar
         return plain
     rows, shown = Coordinates.of(plain).spread(rows_of(found, lower(plain)).jacobian), subsample(points, SHOWN)
     known = measure(plain, shown, rows, deadline)
-    moved, stayed = (negative_log_density(p, shown, known.noise, SAMPLED) for p in (known.program, plain))
+    # each in its own noise: walls that have grown thicker leave less of it
+    own = (known.program, known.noise), (plain, noise_beside(plain, shown))
+    moved, stayed = (negative_log_density(p, shown, noise, SAMPLED) for p, noise in own)
     if not moved < stayed - DOUBT:
         if deadline.has_passed():
             return plain
         known = measure(plain, shown, rows, deadline, rounds=0)
+    known = _tie_walls(known, rows, shown, deadline)
     bounds = MeasuredLeaves.of(known)
     measured = map_leaves(known.program, lambda _, leaf: canonical(leaf))
     if not bounds.allow(measured):  # written in other frames: nothing can be compared
@@ -118,6 +121,18 @@ def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndar
     config = SnapConfig(max_move=ROUNDED, equalise=False)
     snapped = bounds.round_sizes(snap(measured, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))
     return _keep_likely(measured, snapped, shown, known, deadline)
+
+
+def _tie_walls(known: Measured, rows: np.ndarray, points: np.ndarray, deadline: Deadline) -> Measured:
+    """What is `known` of a program under the relations `rows`, with walls in one thickness whose differences the points [n, 3] do not show,
+    where that is worth more than as many numbers."""
+    tied = None if deadline.has_passed() else tie_walls(known)
+    if tied is None:
+        return known
+    program, ties = tied
+    together = measure(program, points, np.concatenate([rows, ties]), deadline, rounds=0)
+    after, before = (negative_log_density(k.program, points, known.noise, SAMPLED) for k in (together, known))
+    return together if after < before + 0.5 * len(ties) * math.log(len(points)) / len(points) else known
 
 
 def _keep_likely(measured: Program, snapped: Program, points: np.ndarray, known: Measured, deadline: Deadline = NEVER) -> Program:
@@ -136,15 +151,9 @@ def _keep_likely(measured: Program, snapped: Program, points: np.ndarray, known:
     def is_likely(trial: Program) -> bool:
         rounded = known.count_told([i for i, (leaf, before) in enumerate(zip(leaves(trial), old, strict=True)) if leaf != before])
         lost = negative_log_density(trial, points, noise, SAMPLED) - best
-        return lost <= _chi_squared_95(rounded) / (2 * len(points)) + DOUBT
+        return lost <= chi_squared_95(rounded) / (2 * len(points)) + DOUBT
 
     if is_likely(snapped):
         return snapped
     changed = [i for i, (one, other) in enumerate(zip(old, new, strict=True)) if one != other]
     return accept_changes(measured, changed, put, lambda trial: not deadline.has_passed() and is_likely(trial), LIKELY_TRIES)
-
-
-def _chi_squared_95(degrees: int) -> float:
-    """What a chi-squared number is above one time in twenty (Wilson & Hilferty 1931)."""
-    spread = 2 / (9 * max(degrees, 1))
-    return degrees * (1 - spread + ONE_SIDED_95 * math.sqrt(spread)) ** 3
