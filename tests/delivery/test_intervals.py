@@ -47,9 +47,9 @@ def test_names_are_measured_where_the_points_are_and_not_where_the_program_is():
 def test_the_dimensions_of_an_outline_have_intervals():
     bracket = Primitive("extrude", (8.0,), outline=BRACKET)
     found = finished(bracket)
-    stated = state_intervals(found, noisy(bracket))
-    assert len(stated) >= 0.8 * len(found.parameters.values)
-    off = [abs(i.measured - i.value) / i.half for i in stated.values()]
+    stated = [state_intervals(found, noisy(bracket, seed)) for seed in range(4)]
+    assert min(map(len, stated)) >= 0.8 * len(found.parameters.values)
+    off = [abs(i.measured - i.value) / i.half for one in stated for i in one.values()]
     assert np.mean(np.array(off) <= 1) >= 0.85
     assert max(off) < 2
 
