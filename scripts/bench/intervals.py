@@ -140,7 +140,7 @@ def _shaken(part: Program, target: Target, rng: np.random.Generator) -> Finished
         ),
     )
     likely = maximise_likelihood(start, seen.target.points, Noise(seen.noise.sigma))
-    related = discover(map_leaves(likely.program, lambda _, p: canonical(p)), seen.target.points)
+    related = discover(map_leaves(likely.program, lambda _, p: canonical(p)), seen.target.points, noise=likely.noise.sigma)
     found = [replace(c, value=c.value / frame.scale) for c in related.constraints]
     program = snap_measured(frame.undo(related.program), found, frame.to_world(seen.target.points))
     return finish(*find_relations(program, target, found))

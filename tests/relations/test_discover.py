@@ -133,7 +133,7 @@ def test_the_covariance_is_that_of_repeated_fits():
         exact = surface_points(ball, 800, rng)[0]
         noisy = exact + 0.02 * rng.normal(size=exact.shape)
         fits.append(pack(refine(ball, noisy).program)[1][0, [0, 3, 4, 5]])
-    told = np.sqrt(np.diag(covariance(lower(ball), WeightedCloud.of(noisy), 1e-9)))[[0, 3, 4, 5]]
+    told = np.sqrt(np.diag(covariance(lower(ball), WeightedCloud.of(noisy), 0.02, 1e-9)))[[0, 3, 4, 5]]
     np.testing.assert_allclose(np.std(fits, axis=0), told, rtol=0.35)
 
 

@@ -113,7 +113,7 @@ def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndar
         if deadline.has_passed():
             return plain
         known = measure(plain, shown, rows, deadline, rounds=0)
-    known = _tie_walls(known, rows, shown, deadline)
+    known = _tie_walls(known, rows, shown)
     bounds = MeasuredLeaves.of(known)
     measured = map_leaves(known.program, lambda _, leaf: canonical(leaf))
     if not bounds.allow(measured):  # written in other frames: nothing can be compared
@@ -123,14 +123,14 @@ def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndar
     return _keep_likely(measured, snapped, shown, known, deadline)
 
 
-def _tie_walls(known: Measured, rows: np.ndarray, points: np.ndarray, deadline: Deadline) -> Measured:
+def _tie_walls(known: Measured, rows: np.ndarray, points: np.ndarray) -> Measured:
     """What is `known` of a program under the relations `rows`, with walls in one thickness whose differences the points [n, 3] do not show,
-    where that is worth more than as many numbers."""
-    tied = None if deadline.has_passed() else tie_walls(known)
+    where that is worth more than as many numbers. It is quick, and is done past a deadline too."""
+    tied = tie_walls(known)
     if tied is None:
         return known
     program, ties = tied
-    together = measure(program, points, np.concatenate([rows, ties]), deadline, rounds=0)
+    together = measure(program, points, np.concatenate([rows, ties]), rounds=0)
     after, before = (negative_log_density(k.program, points, known.noise, SAMPLED) for k in (together, known))
     return together if after < before + 0.5 * len(ties) * math.log(len(points)) / len(points) else known
 

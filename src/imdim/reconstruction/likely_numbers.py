@@ -63,7 +63,7 @@ def hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadline
     """With the relations that the points support made exact, unless that makes the points less likely than as many numbers are worth. It is
     quick, and worth more than the search's last round, which may have ended late: for HELD_S it goes on past the deadline."""
     plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
-    found = discover(plain, points, deadline.later(deadline.ahead(HELD_S)))
+    found = discover(plain, points, deadline.later(deadline.ahead(HELD_S)), likely.noise.sigma)
     # the best round of a fit is the best of its samples too: both are told by new ones
     together, apart = (negative_log_density(p, points, likely.noise, CAREFUL.samples) for p in (found.program, plain))
     held = np.linalg.matrix_rank(rows_of(found.constraints, lower(plain)).jacobian) if found.constraints else 0

@@ -138,9 +138,9 @@ def prior(numbers: Lowered, length: float) -> np.ndarray:
     return out
 
 
-def covariance(numbers: Lowered, cloud: WeightedCloud, floor: float) -> np.ndarray:
-    """Covariance [9 k, 9 k], block by leaf, of the fitted numbers; `floor` is a length below which nothing counts as known."""
-    noise = max(noise_of(numbers, cloud), floor)
+def covariance(numbers: Lowered, cloud: WeightedCloud, noise: float, floor: float) -> np.ndarray:
+    """Covariance [9 k, 9 k], block by leaf, of numbers that were fitted in `noise`; `floor` is a length below which nothing counts as
+    known."""
     matrix = normal_equations(numbers, cloud, CUT * noise).matrix / noise**2
     known = prior(numbers, cloud.length)
     k = len(known)
@@ -158,10 +158,9 @@ class DeterminedFaces:
     maps: np.ndarray
 
     @staticmethod
-    def of(numbers: Lowered, cloud: WeightedCloud, floor: float, least: float) -> DeterminedFaces:
+    def of(numbers: Lowered, cloud: WeightedCloud, noise: float, least: float) -> DeterminedFaces:
         """A face is shown by the points that would feel it move, weighed as in the fit; it takes `least` of them."""
-        scale = CUT * max(noise_of(numbers, cloud), floor)
-        matrix = normal_equations(numbers, cloud, scale).matrix[:, :6, :6]
+        matrix = normal_equations(numbers, cloud, CUT * noise).matrix[:, :6, :6]
         maps = step_maps(numbers)[:, :6, :6]
         support = np.diagonal(maps.transpose(0, 2, 1) @ matrix @ maps, axis1=1, axis2=2)
         return DeterminedFaces(support >= least, maps)

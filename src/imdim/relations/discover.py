@@ -63,19 +63,19 @@ class Discovery:
     constraints: tuple[Constraint, ...]
 
 
-def discover(program: Program, points: np.ndarray, deadline: Deadline = NEVER) -> Discovery:
+def discover(program: Program, points: np.ndarray, deadline: Deadline = NEVER, noise: float | None = None) -> Discovery:
     """Relations among the primitives of `program`, whose numbers fit `points` [n, 3] of the target's surface (see `refine`).
 
-    Past the `deadline` (by default never) no more are taken. Raises ValueError unless there are finite points of some extent.
+    The deviation of their `noise` is by default told by their distances, too little of it where walls are thin. Past the `deadline` (by default never) no more are taken. Raises ValueError unless there are finite points of some extent.
     """
     cloud = WeightedCloud.of(points)
     start = lower(program)
-    noise = max(noise_of(start, cloud), FLOOR * cloud.length)
     floor = FLOOR * cloud.length
+    noise = max(noise_of(start, cloud) if noise is None else noise, floor)
     cloud = away_from_edges(cloud, start, noise)
-    shown = DeterminedFaces.of(start, cloud, floor, MIN_SUPPORT)
+    shown = DeterminedFaces.of(start, cloud, noise, MIN_SUPPORT)
     metric = normal_equations(start, cloud, CUT * noise)
-    known = covariance(start, cloud, floor)
+    known = covariance(start, cloud, noise, floor)
     chosen = _choose(start, known, prior(start, cloud.length), shown, metric, deadline)
     taken = chosen.taken
     numbers = onto(start, taken, cloud.length, metric)
