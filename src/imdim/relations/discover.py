@@ -66,7 +66,8 @@ class Discovery:
 def discover(program: Program, points: np.ndarray, deadline: Deadline = NEVER, noise: float | None = None) -> Discovery:
     """Relations among the primitives of `program`, whose numbers fit `points` [n, 3] of the target's surface (see `refine`).
 
-    The deviation of their `noise` is by default told by their distances, too little of it where walls are thin. Past the `deadline` (by default never) no more are taken. Raises ValueError unless there are finite points of some extent.
+    The deviation of their `noise` is by default told by their distances, too little of it where walls are thin. Past the `deadline` (by
+    default never) no more are taken. Raises ValueError unless there are finite points of some extent.
     """
     cloud = WeightedCloud.of(points)
     start = lower(program)
