@@ -43,7 +43,7 @@ def tie_walls(known: Measured) -> tuple[Program, np.ndarray] | None:
     stay as they are for that; None where no two walls are so.
 
     The numbers are the likeliest under these ties where the logarithm of the likelihood is a parabola; that the walls of one thickness do
-    not differ by more than chance is a Wald test.
+    not differ by more than chance is tested as Wald (1943) has it.
     """
     walls = find_walls(known)
     groups = _group_alike(walls, known.covariance)
