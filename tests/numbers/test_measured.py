@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, sphere, union
 
+from imdim.geometry import kernels
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
 from imdim.numbers.design_values import common_grid, grid_of, is_designed
 from imdim.numbers.information import Coordinates, bends_of, measure_spread
-from imdim.numbers.measured import NORMAL_95, measure
+from imdim.numbers.measured import MAD, NORMAL_95, measure, noise_beside
 from imdim.numbers.measured_leaves import MeasuredLeaves
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.outline import Outline, circle
@@ -295,3 +296,29 @@ def test_what_may_be_nothing_tells_of_no_grid():
     rng = np.random.default_rng(0)
     places, sizes = rng.normal(0, 0.02, 12), rng.uniform(10, 60, 4)
     assert common_grid(np.concatenate([places, sizes]), np.full(16, 0.05)) == 0.0
+
+
+@pytest.mark.parametrize(
+    "program",
+    [cut(box(180, 100, 60), box(176, 96, 80)), cut(cylinder(50, 60), cylinder(48, 60, (0.0, 0.0, 2.0)))],
+    ids=["frame", "cup"],
+)
+def test_both_skins_of_thin_walls_tell_the_noise(program):
+    """By the nearer skin of each point a third of it was lost: walls grew, and rounding went on from there."""
+    points = cloud(program, 8000, 1.0)
+    assert MAD * np.median(np.abs(kernels.program_sdf(program, points))) < 0.85
+    assert noise_beside(program, points).sigma == pytest.approx(1.0, rel=0.03)
+
+
+def test_the_noise_of_a_thick_part_and_of_one_almost_without_are_what_they_are():
+    block = box(60, 40, 20)
+    assert noise_beside(block, cloud(block, sigma=0.3)).sigma == pytest.approx(0.3, rel=0.03)
+    assert noise_beside(block, cloud(block, sigma=1e-4)).sigma < 2e-4
+
+
+def test_thin_walls_stay_as_thin_as_they_were_fitted():
+    frame = cut(box(180, 100, 60), box(176, 96, 80))
+    for seed in range(3):
+        outer, inner = leaves(measure(frame, cloud(frame, 8000, 1.0, seed), FREE.repeat(2, 1)).program)
+        assert (outer.size[0] - inner.size[0]) / 2 == pytest.approx(2.0, abs=0.25)
+        assert (outer.size[1] - inner.size[1]) / 2 == pytest.approx(2.0, abs=0.25)

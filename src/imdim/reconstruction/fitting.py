@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,7 +19,6 @@ from imdim.numbers.measured_leaves import MeasuredLeaves
 from imdim.numbers.refine import RefineConfig, refine
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
-from imdim.numbers.wall_ties import tie_walls
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.cost import count
 from imdim.program.tree import Program, leaves, map_leaves
@@ -113,7 +111,6 @@ def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndar
         if deadline.has_passed():
             return plain
         known = measure(plain, shown, rows, deadline, rounds=0)
-    known = _tie_walls(known, rows, shown)
     bounds = MeasuredLeaves.of(known)
     measured = map_leaves(known.program, lambda _, leaf: canonical(leaf))
     if not bounds.allow(measured):  # written in other frames: nothing can be compared
@@ -121,18 +118,6 @@ def snap_measured(program: Program, found: Sequence[Constraint], points: np.ndar
     config = SnapConfig(max_move=ROUNDED, equalise=False)
     snapped = bounds.round_sizes(snap(measured, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))
     return _keep_likely(measured, snapped, shown, known, deadline)
-
-
-def _tie_walls(known: Measured, rows: np.ndarray, points: np.ndarray) -> Measured:
-    """What is `known` of a program under the relations `rows`, with walls in one thickness whose differences the points [n, 3] do not show,
-    where that is worth more than as many numbers. It is quick, and is done past a deadline too."""
-    tied = tie_walls(known)
-    if tied is None:
-        return known
-    program, ties = tied
-    together = measure(program, points, np.concatenate([rows, ties]), rounds=0)
-    after, before = (negative_log_density(k.program, points, known.noise, SAMPLED) for k in (together, known))
-    return together if after < before + 0.5 * len(ties) * math.log(len(points)) / len(points) else known
 
 
 def _keep_likely(measured: Program, snapped: Program, points: np.ndarray, known: Measured, deadline: Deadline = NEVER) -> Program:
