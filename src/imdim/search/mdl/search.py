@@ -37,7 +37,7 @@ from imdim.search.mdl.candidates.outline_step import step_lines
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
-from imdim.search.mdl.candidates.shortened import shortened
+from imdim.search.mdl.candidates.shortened import end_at_cuts
 from imdim.search.mdl.candidates.span import layers, prolong, slots, span
 from imdim.search.mdl.candidates.step import stepped
 from imdim.search.mdl.candidates.tip import tips
@@ -399,7 +399,7 @@ class _Changes:
                 continue
             if op == "union":
                 cuts = {j: p for j, (did, p) in enumerate(steps) if j > i and did == "difference" and isinstance(p, Primitive)}
-                for short, gone in shortened(part, cuts, best.noise.sigma):
+                for short, gone in end_at_cuts(part, cuts, best.noise.sigma):
                     out.setdefault(short, []).append((i, *gone))
             for long in prolong(part, self.cloud) if op == "difference" else ():
                 out.setdefault(long, []).extend((i, j) for j in others)

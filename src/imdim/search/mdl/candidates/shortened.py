@@ -21,7 +21,7 @@ OPEN = 2.0  # deviations of the noise by which a cut may miss the end that it ta
 LEAST = 2.0  # deviations of the noise, of what is left
 
 
-def shortened(part: Primitive, cuts: Mapping[int, Primitive], sigma: float) -> Iterator[tuple[Primitive, tuple[int, ...]]]:
+def end_at_cuts(part: Primitive, cuts: Mapping[int, Primitive], sigma: float) -> Iterator[tuple[Primitive, tuple[int, ...]]]:
     """The part as far as each level at which some of `cuts` through one of its flat ends have their floors, and the keys of those cuts;
     `sigma` is the deviation of the noise."""
     rotation = matrix_from_euler(part.rotation)

@@ -1,5 +1,4 @@
-"""One part in the place of others: a cut made so long that it goes through the part, what spans two parts of the same section, and the
-box about boxes that lie in one layer.
+"""One part in the place of others: a cut that goes through, what spans two parts of one section, the box about boxes of one layer.
 
 A search that changes one part at a time does not get there: two short cuts from either side do what one does that goes through, and
 neither can be left out before the other is long. So it is with a floor of which each compartment has a piece.
