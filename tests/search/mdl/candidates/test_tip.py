@@ -67,7 +67,9 @@ def test_a_flat_end_has_no_tip_and_neither_has_another_kind():
 
 
 def test_a_tip_ends_where_the_cylinder_is_and_stands_on_it():
-    for tip in tips(cylinder(2.45, 17, (0.0, 0.0, 8.5)), Cloud.of(noisy(POINTED), SIGMA), SIGMA):
+    found = list(tips(cylinder(2.45, 17, (0.0, 0.0, 8.5)), Cloud.of(noisy(POINTED), SIGMA), SIGMA))
+    assert found
+    for tip in found:
         assert isinstance(tip, Combine)
         body, end = leaves(tip)
         assert body.center[2] - body.size[1] / 2 == pytest.approx(0.0)

@@ -29,7 +29,7 @@ WORTH = 1.0  # times what the numbers of a tip cost, that it has to explain: les
 NUMBERS = 3
 
 
-class _End(NamedTuple):
+class _CylinderEnd(NamedTuple):
     """What is about one end of a cylinder: how far its points lie from the axis and along it, outwards from the middle, [n]; the radius,
     half the length, the deviation of the noise, and how many points each stands for."""
 
@@ -77,26 +77,30 @@ def tips(part: Primitive, cloud: Cloud, sigma: float) -> Iterator[Program]:
         if here.sum() < FEWEST:
             continue
         some = subsample(np.column_stack([rho, z])[here], MOST)
-        end = _End(some[:, 0], some[:, 1], radius, height / 2, sigma, here.sum() / len(some))
+        end = _CylinderEnd(some[:, 0], some[:, 1], radius, height / 2, sigma, here.sum() / len(some))
         flat = float(end.badness(_from_flat(end, end.places), end.side_area(end.places) + np.pi * radius**2).min())
         for begin, tip, bad in (_best_cone(end), _best_ball(end)):
             if bad < flat - WORTH * NUMBERS * 0.5 * math.log(len(cloud.points)):
                 yield _with_tip(part, rotation, sign, begin, tip)
 
 
-def _from_flat(end: _End, at: np.ndarray) -> np.ndarray:
+def _from_flat(end: _CylinderEnd, at: np.ndarray) -> np.ndarray:
     """How far the points lie from a cylinder that ends `at` so many places [m], [m, n]."""
-    z, rho = end.z[None], end.rho[None]
-    side = np.hypot(rho - end.radius, np.maximum(z - at[:, None], 0.0))
-    return np.minimum(side, np.hypot(z - at[:, None], np.maximum(rho - end.radius, 0.0)))
+    cap = np.hypot(end.z[None] - at[:, None], np.maximum(end.rho[None] - end.radius, 0.0))
+    return np.minimum(_from_side(end, at), cap)
 
 
-def _best_cone(end: _End) -> tuple[float, tuple[float, float], float]:
+def _from_side(end: _CylinderEnd, until: np.ndarray) -> np.ndarray:
+    """How far the points lie from the side of the cylinder as far as some places [m] along it, [m, n]."""
+    return np.hypot(end.rho[None] - end.radius, np.maximum(end.z[None] - until[:, None], 0.0))
+
+
+def _best_cone(end: _CylinderEnd) -> tuple[float, tuple[float, float], float]:
     """Where a cone begins on the cylinder, its height and the radius at its far end, and how bad it is."""
     begin, until, wide = (g.ravel() for g in np.meshgrid(end.places, end.places, np.array(WIDTHS) * end.radius, indexing="ij"))
     proper = until - begin > SHORTEST * end.sigma
     begin, until, wide = begin[proper], until[proper], wide[proper]
-    far = np.minimum(_from_segment(end, begin, np.full(len(begin), -np.inf), end.radius), _from_slant(end, begin, until, wide))
+    far = np.minimum(_from_side(end, begin), _from_slant(end, begin, until, wide))
     cap = np.hypot(end.z[None] - until[:, None], np.maximum(end.rho[None] - wide[:, None], 0.0))
     slant = np.pi * (end.radius + wide) * np.hypot(wide - end.radius, until - begin)
     bad = end.badness(np.minimum(far, cap), end.side_area(begin) + slant + np.pi * wide**2)
@@ -104,13 +108,7 @@ def _best_cone(end: _End) -> tuple[float, tuple[float, float], float]:
     return float(begin[best]), (float(until[best] - begin[best]), float(wide[best])), float(bad[best])
 
 
-def _from_segment(end: _End, until: np.ndarray, since: np.ndarray, radius: float) -> np.ndarray:
-    """How far the points lie from the side of the cylinder between two places [m] along it, [m, n]."""
-    z = end.z[None]
-    return np.hypot(end.rho[None] - radius, np.maximum(np.maximum(z - until[:, None], since[:, None] - z), 0.0))
-
-
-def _from_slant(end: _End, begin: np.ndarray, until: np.ndarray, wide: np.ndarray) -> np.ndarray:
+def _from_slant(end: _CylinderEnd, begin: np.ndarray, until: np.ndarray, wide: np.ndarray) -> np.ndarray:
     """How far the points lie from the slanted side between the cylinder's end `begin` [m] and the radius `wide` [m] at `until`, [m, n]."""
     across, along = wide - end.radius, until - begin
     share = ((end.rho[None] - end.radius) * across[:, None] + (end.z[None] - begin[:, None]) * along[:, None]) / (across**2 + along**2)[
@@ -120,11 +118,11 @@ def _from_slant(end: _End, begin: np.ndarray, until: np.ndarray, wide: np.ndarra
     return np.hypot(end.rho[None] - end.radius - share * across[:, None], end.z[None] - begin[:, None] - share * along[:, None])
 
 
-def _best_ball(end: _End) -> tuple[float, None, float]:
+def _best_ball(end: _CylinderEnd) -> tuple[float, None, float]:
     """Where the middle of a half ball as wide as the cylinder lies, and how bad it is."""
     begin = np.linspace(end.low, end.half + end.radius, 2 * PLACES)
     ball = np.abs(np.hypot(end.rho[None], end.z[None] - begin[:, None]) - end.radius)
-    side = _from_segment(end, begin, np.full(len(begin), -np.inf), end.radius)
+    side = _from_side(end, begin)
     bad = end.badness(np.where(end.z[None] > begin[:, None], ball, side), end.side_area(begin) + 2 * np.pi * end.radius**2)
     best = int(bad.argmin())
     return float(begin[best]), None, float(bad[best])
