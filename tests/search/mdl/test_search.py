@@ -267,6 +267,25 @@ def test_a_frame_that_was_drawn_as_high_as_its_posts_ends_where_cuts_took_it_dow
     assert [p.kind for p in leaves(found.program)].count("box") == 2
 
 
+def test_posts_get_their_points():
+    """Each post was as long as half its point, and nothing was put on top of it."""
+    plate, places = box(60, 40, 6, (0.0, 0.0, 3.0)), [(-20.0, -10.0), (20.0, 10.0)]
+    points = [Primitive("cone", (4.0, 0.0, 7.0), (x, y, 23.5)) for x, y in places]
+    truth = union(plate, *(cylinder(4, 20, (x, y, 10.0)) for x, y in places), *points)
+    found = settled(union(plate, *(cylinder(3.9, 23, (x, y, 11.5)) for x, y in places)), cloud(truth, 6000))
+    assert [p.kind for p in leaves(found.program)].count("cone") == 2
+
+
+def test_domes_on_a_thin_plate_are_balls_that_do_not_come_out_below():
+    """Whole balls came out below the plate, so that the search took cones for them."""
+    plate, below, places = box(60, 40, 3, (0.0, 0.0, 1.5)), box(90, 90, 20, (0.0, 0.0, -10.0)), [(-15.0, 0.0), (15.0, 0.0)]
+    truth = cut(union(plate, *(sphere(9, (x, y, 3.0)) for x, y in places)), below)
+    start = union(plate, *(cone(10, 2, 8, (x, y, 7.0)) for x, y in places))
+    found = settled(start, cloud(truth, 6000))
+    assert [p.kind for p in leaves(found.program)].count("sphere") == 2
+    assert volume_iou(to_manifold(found.program), to_manifold(truth)) > 0.98
+
+
 def test_a_floor_of_which_each_compartment_has_a_piece_is_one():
     pockets = [box(18, 26, 30, (x, 0.0, 10.0)) for x in (-20.0, 0.0, 20.0)]
     tray = cut(box(62, 30, 16, (0.0, 0.0, 8.0)), *(box(18, 26, 30, (x, 0.0, 17.0)) for x in (-20.0, 0.0, 20.0)))

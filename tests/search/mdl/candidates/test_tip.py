@@ -66,6 +66,12 @@ def test_a_flat_end_has_no_tip_and_neither_has_another_kind():
     assert not list(tips(box(5, 5, 15, (0.0, 0.0, 7.5)), cloud, SIGMA))
 
 
+def test_a_pin_that_is_all_noise_has_no_tip():
+    """There was no place for a tip, and an error where the best of none was looked for."""
+    needle = cylinder(0.1, 15)
+    assert not list(tips(needle, Cloud.of(noisy(needle, 300), SIGMA), SIGMA))
+
+
 def test_a_tip_ends_where_the_cylinder_is_and_stands_on_it():
     found = list(tips(cylinder(2.45, 17, (0.0, 0.0, 8.5)), Cloud.of(noisy(POINTED), SIGMA), SIGMA))
     assert found

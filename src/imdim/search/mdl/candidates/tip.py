@@ -64,7 +64,8 @@ class _CylinderEnd(NamedTuple):
 def tips(part: Primitive, cloud: Cloud, sigma: float) -> Iterator[Program]:
     """The cylinder with the cone and with the half ball at either end that the points about it show; `sigma` is the deviation of their
     noise."""
-    if part.kind != "cylinder":
+    # a tip of a pin that is all noise is none
+    if part.kind != "cylinder" or LONGEST * part.size[0] <= SHORTEST * sigma:
         return
     radius, height = part.size
     rotation = matrix_from_euler(part.rotation)
